@@ -1,0 +1,2 @@
+//! The `ringlight` command.
+fn main() {}

@@ -1,0 +1,1 @@
+//! The one ray–triangle predicate; everything faster must give the same bits.
