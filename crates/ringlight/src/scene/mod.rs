@@ -5,6 +5,7 @@
 //! second copy of the geometry is held.
 
 pub mod error;
+pub mod obj;
 
 pub use error::{Place, SceneError, Warning, Warnings};
 
