@@ -16,8 +16,7 @@ pub fn atan2(y: f64, x: f64) -> f64 {
         return 0.0;
     }
     let ratio = small / large;
-    let (base, t) =
-        if ratio > TAN_EIGHTH { (FRAC_PI_4, (small - large) / (small + large)) } else { (0.0, ratio) };
+    let (base, t) = if ratio > TAN_EIGHTH { (FRAC_PI_4, (small - large) / (small + large)) } else { (0.0, ratio) };
     // Halve: atan t = 2 atan(t / (1 + √(1 + t²))).
     let h = t / (1.0 + (1.0 + t * t).sqrt());
     let z = h * h;

@@ -62,7 +62,11 @@ pub fn build(scene: &Scene, options: &MeshOptions) -> Result<Mesh, SceneError> {
     }
     if total > u64::from(u32::MAX) / 2 {
         let place = Place::new(scene.name.clone(), "");
-        return Err(SceneError::new(place, format!("{total} elements"), "at most 2 billion; choose a larger element size"));
+        return Err(SceneError::new(
+            place,
+            format!("{total} elements"),
+            "at most 2 billion; choose a larger element size",
+        ));
     }
     let turn = 4.0 * mesh.sizes.patch;
     let (order, groups) = cluster::order(&mesh.facets, &element_counts, turn);
@@ -154,12 +158,7 @@ fn find_planes(mesh: &mut Mesh, diagonal: f64) {
     order.sort_by(|&a, &b| {
         areas[b as usize].length_squared().total_cmp(&areas[a as usize].length_squared()).then(a.cmp(&b))
     });
-    let reach = mesh
-        .facets
-        .iter()
-        .flat_map(|f| f.corners)
-        .map(|c| f64::from(c.length()))
-        .fold(0.0, f64::max);
+    let reach = mesh.facets.iter().flat_map(|f| f.corners).map(|c| f64::from(c.length())).fold(0.0, f64::max);
     let mut planes = Planes::new(diagonal, reach);
     for f in order {
         let facet = &mut mesh.facets[f as usize];

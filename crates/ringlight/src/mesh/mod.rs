@@ -293,15 +293,17 @@ impl Mesh {
                 return Err(format!("facet {f} refers to what is not there"));
             }
         }
-        let runs = self.clusters.windows(2).all(|w| {
-            w[0].patches.end == w[1].patches.start && w[0].elements.end == w[1].elements.start
-        });
+        let runs = self
+            .clusters
+            .windows(2)
+            .all(|w| w[0].patches.end == w[1].patches.start && w[0].elements.end == w[1].elements.start);
         let ends = self.clusters.first().zip(self.clusters.last()).is_some_and(|(a, b)| {
             (a.patches.start, a.elements.start) == (0, 0)
                 && b.patches.end as usize == self.patch_facets.len()
                 && b.elements.end as usize == self.valid.len()
         });
-        let ordered = self.clusters.iter().all(|c| c.patches.start < c.patches.end && c.elements.start < c.elements.end);
+        let ordered =
+            self.clusters.iter().all(|c| c.patches.start < c.patches.end && c.elements.start < c.elements.end);
         if !(runs && ends && ordered) || elements != self.valid.len() as u64 {
             return Err("clusters do not cover the elements".into());
         }

@@ -67,9 +67,8 @@ fn join(a: &[Corner; 3], edge: usize, b: &[Corner; 3]) -> Option<(f32, [Corner; 
     // b runs the shared edge the other way: q → p.
     let start = (0..3).find(|&i| b[i].position == q.position && b[(i + 1) % 3].position == p.position)?;
     let s = b[(start + 2) % 3];
-    let same = |x: &Corner, y: &Corner| {
-        x.base_uv == y.base_uv && x.emission_uv == y.emission_uv && x.colour == y.colour
-    };
+    let same =
+        |x: &Corner, y: &Corner| x.base_uv == y.base_uv && x.emission_uv == y.emission_uv && x.colour == y.colour;
     if !same(&b[start], &q) || !same(&b[(start + 1) % 3], &p) {
         return None;
     }
@@ -101,8 +100,7 @@ fn runs_on(c: &[Corner; 4]) -> bool {
         return true;
     }
     // Affine coordinates of corner 2 in the frame of corners 0, 1, 3.
-    let (u, v, w) =
-        (c[1].position - c[0].position, c[3].position - c[0].position, c[2].position - c[0].position);
+    let (u, v, w) = (c[1].position - c[0].position, c[3].position - c[0].position, c[2].position - c[0].position);
     let n = u.cross(v);
     let (s, t) = (w.cross(v).dot(n) / n.dot(n), u.cross(w).dot(n) / n.dot(n));
     let parallelogram = (s - 1.0).abs() < 1e-3 && (t - 1.0).abs() < 1e-3;

@@ -43,14 +43,17 @@ impl Planes {
         }
         let centre = corners.iter().map(|c| c.as_dvec3()).sum::<DVec3>() / corners.len() as f64;
         let offset = normal.dot(centre);
-        let range = |x: f64, slack: f64, cell: f64| ((x - slack) / cell).floor() as i64..=((x + slack) / cell).floor() as i64;
+        let range =
+            |x: f64, slack: f64, cell: f64| ((x - slack) / cell).floor() as i64..=((x + slack) / cell).floor() as i64;
         for x in range(normal.x, ANGLE, NORMAL_CELL) {
             for y in range(normal.y, ANGLE, NORMAL_CELL) {
                 for z in range(normal.z, ANGLE, NORMAL_CELL) {
                     for d in range(offset, self.offset_cell / 2.0, self.offset_cell) {
-                        if let Some(id) = self.cells.get(&[x, y, z, d]).and_then(|ids| {
-                            ids.iter().copied().find(|&id| self.fits(id, corners, normal))
-                        }) {
+                        if let Some(id) = self
+                            .cells
+                            .get(&[x, y, z, d])
+                            .and_then(|ids| ids.iter().copied().find(|&id| self.fits(id, corners, normal)))
+                        {
                             return id;
                         }
                     }

@@ -5,8 +5,11 @@
 //! second copy of the geometry is held.
 
 pub mod error;
+pub mod obj;
+mod read;
 
 pub use error::{Place, SceneError, Warning, Warnings};
+pub use read::{ReadOptions, read};
 
 use crate::resources::Bytes;
 use serde::{Deserialize, Serialize};

@@ -27,8 +27,9 @@ pub fn audit(mesh: &Mesh, hierarchy: &Hierarchy, shot: &Shot, rays: u32, centre:
     for i in 0..rays {
         let fraction = |g: f64| (0.5 + g * f64::from(i + 1)).fract();
         // Generators of the R4 sequence.
-        let [a, b, c, d] = [0.856_674_883_854_502_9, 0.733_891_856_627_126, 0.628_706_721_037_809_5, 0.538_597_257_223_655_8]
-            .map(fraction);
+        let [a, b, c, d] =
+            [0.856_674_883_854_502_9, 0.733_891_856_627_126, 0.628_706_721_037_809_5, 0.538_597_257_223_655_8]
+                .map(fraction);
         let Some((origin, direction)) = start(shot, &weights, total, [a, b, c, d], centre, radius) else {
             lost += 1.0;
             continue;

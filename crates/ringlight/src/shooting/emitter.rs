@@ -36,12 +36,7 @@ pub fn emitters(lights: &[Light], origin: [f64; 3], radius: f64) -> Vec<Emitter>
                     (Cells::Directions(vec![towards]), Source::Directions, PI * radius * radius * sum)
                 }
             };
-            Shot {
-                shooter: Shooter { cells, plane: NO_PLANE, far: FAR },
-                light: vec![light.intensity],
-                source,
-                power,
-            }
+            Shot { shooter: Shooter { cells, plane: NO_PLANE, far: FAR }, light: vec![light.intensity], source, power }
         })
         .collect()
 }

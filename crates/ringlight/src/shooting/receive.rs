@@ -260,7 +260,9 @@ fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, work: &Work) {
         let area: [f64; 3] = if followers == 0 {
             point
         } else {
-            let sum = work.received[i + 1..=i + followers].iter().fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
+            let sum = work.received[i + 1..=i + followers]
+                .iter()
+                .fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
             sum.map(|x| x / followers as f64)
         };
         if area != [0.0; 3] || point != [0.0; 3] {
@@ -335,5 +337,3 @@ impl CellTable {
         table
     }
 }
-
-

@@ -243,11 +243,7 @@ pub fn read(bytes: &[u8]) -> Result<Solution, FileError> {
         coverage: header.coverage,
         cutout: header.cutout,
         bitmaps,
-        facet_coverage: sections
-            .array::<FacetCoverage>("facet-coverage")?
-            .iter()
-            .map(|c| (c.facet, c.share))
-            .collect(),
+        facet_coverage: sections.array::<FacetCoverage>("facet-coverage")?.iter().map(|c| (c.facet, c.share)).collect(),
     };
     let clusters: Vec<StoredCluster> = sections.array("clusters")?;
     let mesh = Mesh {

@@ -58,7 +58,11 @@ fn take_next(world: &World<'_>, state: &mut State, transport: &mut dyn Transport
         .enumerate()
         .map(|(c, light)| {
             let first = mesh.clusters[c].patches.start;
-            light.patches.iter().zip(first..).fold(Offer::NONE, |best, (p, id)| best.better(Offer::new(p.unshot_power, id)))
+            light
+                .patches
+                .iter()
+                .zip(first..)
+                .fold(Offer::NONE, |best, (p, id)| best.better(Offer::new(p.unshot_power, id)))
         })
         .reduce(|| Offer::NONE, Offer::better);
     let best = Offer(u128::from_le_bytes(all_reduce(transport, CHOOSE, best.0.to_le_bytes(), |a, b| {

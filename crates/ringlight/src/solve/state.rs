@@ -127,9 +127,8 @@ impl State {
                         let colour = mesh.colour(&patch, e);
                         let light = light.elements[(e - mesh.clusters[c].elements.start) as usize].mean();
                         let area = patch.element_area(k as u32) * mesh.valid_share(e) * f64::from(colour.coverage);
-                        let kept: f64 = (0..3)
-                            .map(|i| (1.0 - f64::from(colour.reflectance[i])) * f64::from(light[i]))
-                            .sum();
+                        let kept: f64 =
+                            (0..3).map(|i| (1.0 - f64::from(colour.reflectance[i])) * f64::from(light[i])).sum();
                         sum.add(area * kept);
                     }
                 }
