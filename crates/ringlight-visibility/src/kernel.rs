@@ -7,7 +7,7 @@
 
 use crate::instruction_set::Machine;
 
-use crate::lanes::{LaneVector, Lanes, any, cross, dot, dot_lanes, from_point};
+use crate::lanes::{LaneVector, Lanes, abs, any, cross, dot, dot_lanes, flip, from_point, norm, splat};
 use crate::plan::{Kind, Plan};
 use crate::predicate::{self, Prepared};
 use crate::{NO_PLANE, Triangle};
@@ -95,113 +95,31 @@ impl Packet {
         chunk: usize,
     ) -> bool {
         let t = &candidate.prepared;
-        let x = [&self.x, &self.y, &self.z].map(|c| Self::lanes(simd, c, chunk));
-        let [low, high] = [0, 1].map(|w| S::as_simd_u32s(&self.words[w]).0[chunk]);
-        let unfinished = nonzero(simd, simd.or_u32s(low, high));
+        let x = [Self::lanes(simd, &self.x, chunk), Self::lanes(simd, &self.y, chunk), Self::lanes(simd, &self.z, chunk)];
+        let low = S::as_simd_u32s(&self.words[0]).0[chunk];
+        let high = S::as_simd_u32s(&self.words[1]).0[chunk];
+        let reach = Self::lanes(simd, &self.reach, chunk);
 
         let to_first = from_point(t.corners[0], x);
         let height = dot(to_first, t.normal);
         let (sign, distance) = (height.sign(), height.abs());
-        let mut alive = simd.and_m32s(unfinished, Lanes::splat(simd, 0.0).below(distance));
+        let mut alive = nonzero(simd, simd.or_u32s(low, high));
+        alive = simd.and_m32s(alive, Lanes::splat(simd, 0.0).below(distance));
         if candidate.triangle.plane != NO_PLANE {
-            let same = simd.equal_u32s(
-                S::as_simd_u32s(&self.plane).0[chunk],
-                simd.splat_u32s(candidate.triangle.plane),
-            );
+            let plane = simd.splat_u32s(candidate.triangle.plane);
+            let same = simd.equal_u32s(S::as_simd_u32s(&self.plane).0[chunk], plane);
             alive = simd.and_m32s(alive, simd.not_m32s(same));
         }
-
-        let function = |n: LaneVector<S>, anchor: LaneVector<S>| {
-            let n = n.map(|c| c.flip(sign));
-            Affine { base: dot_lanes(n, anchor), u: dot(n, plan.edge_u), v: dot(n, plan.edge_v), w: dot(n, plan.twist) }
-        };
-        let anchor = from_point(plan.anchor, x);
-        let reach = Self::lanes(simd, &self.reach, chunk);
-        let zero = Lanes::splat(simd, 0.0);
-        let mut seen;
-        let mut grazing;
-        if KIND == GRID || KIND == TWISTED {
-            let slope = |edge| Lanes::splat(simd, plan.far * predicate::dot(t.normal, edge)).flip(sign);
-            let depth = Affine {
-                base: (plan.far * dot(anchor, t.normal)).flip(sign) - distance,
-                u: slope(plan.edge_u),
-                v: slope(plan.edge_v),
-                w: slope(plan.twist),
-            };
-            let [_, top] = depth.bounds::<KIND>(simd, plan);
-            alive = simd.and_m32s(alive, top.not_negative());
-            if !any(simd, alive) {
-                return false;
-            }
-            let functions = [
-                depth,
-                function(cross(to_first, t.edges[0]), anchor),
-                function(cross(from_point(t.corners[1], x), t.edges[1]), anchor),
-                function(cross(to_first, t.edges[2]).map(|c| c.flip(Lanes::splat(simd, -0.0))), anchor),
-            ];
-            let bounds = functions.map(|f| f.bounds::<KIND>(simd, plan));
-            for [_, top] in bounds {
-                alive = simd.and_m32s(alive, top.not_negative());
-            }
-            if !any(simd, alive) {
-                return false;
-            }
-            seen = [simd.splat_u32s(plan.all as u32), simd.splat_u32s((plan.all >> 32) as u32)];
-            for (f, [bottom, _]) in functions.iter().zip(bounds) {
-                if any(simd, simd.and_m32s(alive, simd.not_m32s(bottom.not_negative()))) {
-                    let words = f.words::<KIND, SIDE>(simd, plan);
-                    seen = [simd.and_u32s(seen[0], words[0]), simd.and_u32s(seen[1], words[1])];
-                }
-            }
-            let span = (((to_first[0].abs() + to_first[1].abs()) + to_first[2].abs()) + t.longest) + reach;
-            grazing = distance.below(t.grazing * span);
+        let span = (norm(to_first) + t.longest) + reach;
+        let view = View { x, to_first, sign, distance, reach, grazing: distance.below(t.grazing * span) };
+        let found = if KIND == GRID || KIND == TWISTED {
+            view.over_grid::<KIND, SIDE>(simd, plan, candidate, alive)
         } else {
-            let normals = [
-                cross(to_first, t.edges[0]),
-                cross(from_point(t.corners[1], x), t.edges[1]),
-                cross(to_first, t.edges[2]).map(|c| c.flip(Lanes::splat(simd, -0.0))),
-            ]
-            .map(|n| n.map(|c| c.flip(sign)));
-            // Upper bounds over the cells' box; 2⁻¹⁶ of the reach is far more than rounding.
-            let middle = if KIND == POINTS { anchor } else { plan.anchor.map(|c| Lanes::splat(simd, c)) };
-            for n in normals {
-                let size = n.map(Lanes::abs);
-                let slack = ((size[0] + size[1]) + size[2]) * reach * (1.0 / 65536.0);
-                let top = (dot_lanes(n, middle) + dot(size, plan.half)) + slack;
-                alive = simd.and_m32s(alive, top.not_negative());
-            }
-            if !any(simd, alive) {
-                return false;
-            }
-            let span = (((to_first[0].abs() + to_first[1].abs()) + to_first[2].abs()) + t.longest) + reach;
-            grazing = distance.below(t.grazing * span);
-            if KIND == DIRECTIONS {
-                grazing = zero.below(zero);
-            }
-            seen = [simd.splat_u32s(0); 2];
-            for (k, &cell) in plan.cells[..plan.count].iter().enumerate() {
-                if candidate.cells >> k & 1 == 0 {
-                    continue;
-                }
-                let (inside, rise);
-                if KIND == POINTS {
-                    let d = from_point(cell, x);
-                    rise = (plan.far * dot(d, t.normal)).flip(sign) - distance;
-                    inside = normals.map(|n| dot_lanes(n, d));
-                } else {
-                    let along = Lanes::splat(simd, plan.far * predicate::dot(t.normal, cell)).flip(sign);
-                    rise = along - f32::MIN_POSITIVE;
-                    inside = normals.map(|n| dot(n, cell));
-                    grazing = simd.or_m32s(grazing, along.below(t.grazing * reach));
-                }
-                let mut pass = rise.not_negative();
-                for e in inside {
-                    pass = simd.and_m32s(pass, e.not_negative());
-                }
-                let bit = simd.select_u32s(pass, simd.splat_u32s(1 << (k & 31)), simd.splat_u32s(0));
-                seen[k >> 5] = simd.or_u32s(seen[k >> 5], bit);
-            }
-        }
+            view.over_cells::<KIND>(simd, plan, candidate, alive)
+        };
+        let Some(Found { mut seen, alive, grazing }) = found else {
+            return false;
+        };
 
         for (w, word) in [low, high].into_iter().enumerate() {
             let cells = simd.splat_u32s((candidate.cells >> (32 * w)) as u32);
@@ -215,9 +133,15 @@ impl Packet {
         let doubtful = if candidate.cutout.is_some() { blocked } else { simd.and_m32s(grazing, blocked) };
         let mut some = true;
         if any(simd, doubtful) {
-            let doubt = seen.map(|word| simd.select_u32s(doubtful, word, simd.splat_u32s(0)));
-            let refuted = self.refuted::<S>(plan, candidate, doubt, chunk);
-            seen = [0, 1].map(|w| simd.xor_u32s(seen[w], S::as_simd_u32s(&refuted[w]).0[0]));
+            let mut refuted = [[0; PACKET]; 2];
+            for w in 0..2 {
+                let doubt = simd.select_u32s(doubtful, seen[w], simd.splat_u32s(0));
+                S::as_mut_simd_u32s(&mut refuted[w]).0[chunk] = doubt;
+            }
+            self.keep_refuted(plan, candidate, &mut refuted);
+            for w in 0..2 {
+                seen[w] = simd.xor_u32s(seen[w], S::as_simd_u32s(&refuted[w]).0[chunk]);
+            }
             some = any(simd, nonzero(simd, simd.or_u32s(seen[0], seen[1])));
         }
         S::as_mut_simd_u32s(&mut self.words[0]).0[chunk] = simd.xor_u32s(low, seen[0]);
@@ -225,34 +149,21 @@ impl Packet {
         some
     }
 
-    /// Those of the blocked bits `doubt` that the check of grazing hits or the cutout lets through.
+    /// Leaves in `doubt`, bits that seem blocked, those that the check of grazing hits or the cutout lets through.
     #[inline(never)]
-    fn refuted<S: Machine>(
-        &self,
-        plan: &Plan,
-        candidate: &Candidate,
-        doubt: [S::u32s; 2],
-        chunk: usize,
-    ) -> [[u32; PACKET]; 2] {
-        let mut words = [[0; PACKET]; 2];
-        for (word, doubt) in words.iter_mut().zip(doubt) {
-            S::as_mut_simd_u32s(word).0[0] = doubt;
-        }
-        for i in 0..S::F32_LANES {
-            let x = self.point(chunk * S::F32_LANES + i);
-            for w in 0..2 {
-                let mut bits = words[w][i];
+    fn keep_refuted(&self, plan: &Plan, candidate: &Candidate, doubt: &mut [[u32; PACKET]; 2]) {
+        for (w, words) in doubt.iter_mut().enumerate() {
+            for (lane, word) in words.iter_mut().enumerate() {
+                let mut bits = *word;
                 while bits != 0 {
                     let bit = bits & bits.wrapping_neg();
                     bits ^= bit;
-                    let k = 32 * w + bit.trailing_zeros() as usize;
-                    if candidate.confirms(plan, x, k) {
-                        words[w][i] ^= bit;
+                    if candidate.confirms(plan, self.point(lane), 32 * w + bit.trailing_zeros() as usize) {
+                        *word ^= bit;
                     }
                 }
             }
         }
-        words
     }
 }
 
@@ -288,6 +199,146 @@ const TWISTED: u8 = 1;
 const POINTS: u8 = 2;
 const DIRECTIONS: u8 = 3;
 
+/// A triangle as the receivers see it.
+struct View<S: Machine> {
+    x: LaneVector<S>,
+    /// v₀ − x.
+    to_first: LaneVector<S>,
+    /// The sign bit of T, and |T|.
+    sign: Lanes<S>,
+    distance: Lanes<S>,
+    reach: Lanes<S>,
+    grazing: S::m32s,
+}
+
+/// The cells (two words) that the predicate's four functions accept, for the lanes `alive`.
+struct Found<S: Machine> {
+    seen: [S::u32s; 2],
+    alive: S::m32s,
+    grazing: S::m32s,
+}
+
+impl<S: Machine> View<S> {
+    /// The edge planes' normals, turned so that inside is positive.
+    #[inline(always)]
+    fn normals(&self, simd: S, t: &Prepared) -> [LaneVector<S>; 3] {
+        let opposite = self.sign.flip(Lanes::splat(simd, -0.0));
+        [
+            flip(cross(self.to_first, t.edges[0]), self.sign),
+            flip(cross(from_point(t.corners[1], self.x), t.edges[1]), self.sign),
+            flip(cross(self.to_first, t.edges[2]), opposite),
+        ]
+    }
+
+    /// The function n·(c−x) of the cell.
+    #[inline(always)]
+    fn affine(plan: &Plan, n: LaneVector<S>, anchor: LaneVector<S>) -> Affine<S> {
+        Affine {
+            base: dot_lanes(n, anchor),
+            u: dot(n, plan.edge_u),
+            v: dot(n, plan.edge_v),
+            w: dot(n, plan.twist),
+        }
+    }
+
+    #[inline(always)]
+    fn over_grid<const KIND: u8, const SIDE: usize>(
+        &self,
+        simd: S,
+        plan: &Plan,
+        candidate: &Candidate,
+        mut alive: S::m32s,
+    ) -> Option<Found<S>> {
+        let t = &candidate.prepared;
+        let anchor = from_point(plan.anchor, self.x);
+        let depth = Affine {
+            base: (plan.far * dot(anchor, t.normal)).flip(self.sign) - self.distance,
+            u: Lanes::splat(simd, plan.far * predicate::dot(t.normal, plan.edge_u)).flip(self.sign),
+            v: Lanes::splat(simd, plan.far * predicate::dot(t.normal, plan.edge_v)).flip(self.sign),
+            w: Lanes::splat(simd, plan.far * predicate::dot(t.normal, plan.twist)).flip(self.sign),
+        };
+        let [depth_bottom, top] = depth.bounds::<KIND>(simd, plan);
+        alive = simd.and_m32s(alive, top.not_negative());
+        if !any(simd, alive) {
+            return None;
+        }
+        let [a, b, c] = self.normals(simd, t);
+        let (a, b, c) =
+            (Self::affine(plan, a, anchor), Self::affine(plan, b, anchor), Self::affine(plan, c, anchor));
+        let [a_bottom, a_top] = a.bounds::<KIND>(simd, plan);
+        let [b_bottom, b_top] = b.bounds::<KIND>(simd, plan);
+        let [c_bottom, c_top] = c.bounds::<KIND>(simd, plan);
+        alive = simd.and_m32s(alive, simd.and_m32s(a_top.not_negative(), b_top.not_negative()));
+        alive = simd.and_m32s(alive, c_top.not_negative());
+        if !any(simd, alive) {
+            return None;
+        }
+        let mut seen = [simd.splat_u32s(plan.all as u32), simd.splat_u32s((plan.all >> 32) as u32)];
+        for (function, bottom) in [(depth, depth_bottom), (a, a_bottom), (b, b_bottom), (c, c_bottom)] {
+            if any(simd, simd.and_m32s(alive, simd.not_m32s(bottom.not_negative()))) {
+                let words = function.words::<KIND, SIDE>(simd, plan);
+                seen = [simd.and_u32s(seen[0], words[0]), simd.and_u32s(seen[1], words[1])];
+            }
+        }
+        Some(Found { seen, alive, grazing: self.grazing })
+    }
+
+    #[inline(always)]
+    fn over_cells<const KIND: u8>(
+        &self,
+        simd: S,
+        plan: &Plan,
+        candidate: &Candidate,
+        mut alive: S::m32s,
+    ) -> Option<Found<S>> {
+        let t = &candidate.prepared;
+        let normals = self.normals(simd, t);
+        // Upper bounds over the cells' box; 2⁻¹⁶ of the reach is far more than rounding.
+        let middle = if KIND == POINTS { from_point(plan.anchor, self.x) } else { splat(simd, plan.anchor) };
+        for n in normals {
+            let slack = norm(n) * self.reach * (1.0 / 65536.0);
+            let top = (dot_lanes(n, middle) + dot(abs(n), plan.half)) + slack;
+            alive = simd.and_m32s(alive, top.not_negative());
+        }
+        if !any(simd, alive) {
+            return None;
+        }
+        let zero = Lanes::splat(simd, 0.0);
+        let mut grazing = if KIND == POINTS { self.grazing } else { zero.below(zero) };
+        let mut seen = [simd.splat_u32s(0); 2];
+        for k in 0..plan.count {
+            if candidate.cells >> k & 1 == 0 {
+                continue;
+            }
+            let cell = plan.cells[k];
+            let mut pass;
+            if KIND == POINTS {
+                let d = from_point(cell, self.x);
+                let before = (plan.far * dot(d, t.normal)).flip(self.sign) - self.distance;
+                pass = before.not_negative();
+                for n in normals {
+                    pass = simd.and_m32s(pass, dot_lanes(n, d).not_negative());
+                }
+            } else {
+                let rise = Lanes::splat(simd, plan.far * predicate::dot(t.normal, cell)).flip(self.sign);
+                grazing = simd.or_m32s(grazing, rise.below(t.grazing * self.reach));
+                pass = (rise - f32::MIN_POSITIVE).not_negative();
+                for n in normals {
+                    pass = simd.and_m32s(pass, dot(n, cell).not_negative());
+                }
+            }
+            seen[k >> 5] = simd.or_u32s(seen[k >> 5], bit_where(simd, pass, k));
+        }
+        Some(Found { seen, alive, grazing })
+    }
+}
+
+/// Bit `k` of its word, in the lanes of the mask.
+#[inline(always)]
+fn bit_where<S: Machine>(simd: S, mask: S::m32s, k: usize) -> S::u32s {
+    simd.select_u32s(mask, simd.splat_u32s(1 << (k & 31)), simd.splat_u32s(0))
+}
+
 /// base + v·b + u·a + u·v·w for each receiver.
 #[derive(Clone, Copy)]
 struct Affine<S: Machine> {
@@ -305,31 +356,33 @@ impl<S: Machine> Affine<S> {
         if KIND == TWISTED {
             return [Lanes::splat(simd, -1.0), Lanes::splat(simd, 1.0)];
         }
-        let rows = plan.v_range.map(|v| self.base + v * self.v);
-        let columns = plan.u_range.map(|u| u * self.u);
-        [rows[0].min(rows[1]) + columns[0].min(columns[1]), rows[0].max(rows[1]) + columns[0].max(columns[1])]
+        let (near, far) = (self.base + plan.v_range[0] * self.v, self.base + plan.v_range[1] * self.v);
+        let (left, right) = (plan.u_range[0] * self.u, plan.u_range[1] * self.u);
+        [near.min(far) + left.min(right), near.max(far) + left.max(right)]
     }
 
     /// The cells for which the function is not negative.
     #[inline(always)]
     fn words<const KIND: u8, const SIDE: usize>(&self, simd: S, plan: &Plan) -> [S::u32s; 2] {
         let mut words = [simd.splat_u32s(0); 2];
-        let mut set = |k: usize, value: Lanes<S>| {
-            let bit = simd.select_u32s(value.not_negative(), simd.splat_u32s(1 << (k & 31)), simd.splat_u32s(0));
-            words[k >> 5] = simd.or_u32s(words[k >> 5], bit);
-        };
         if SIDE > 0 {
-            let columns: [Lanes<S>; SIDE] = std::array::from_fn(|i| plan.u[i] * self.u);
+            let mut columns = [self.u; SIDE];
+            for (i, column) in columns.iter_mut().enumerate() {
+                *column = plan.u[i] * self.u;
+            }
             for j in 0..SIDE {
                 let row = self.base + plan.v[j * SIDE] * self.v;
                 for (i, &column) in columns.iter().enumerate() {
-                    set(j * SIDE + i, row + column);
+                    let k = j * SIDE + i;
+                    let bit = bit_where(simd, (row + column).not_negative(), k);
+                    words[k >> 5] = simd.or_u32s(words[k >> 5], bit);
                 }
             }
         } else {
             for k in 0..plan.count {
                 let slope = if KIND == TWISTED { self.u + plan.v[k] * self.w } else { self.u };
-                set(k, (self.base + plan.v[k] * self.v) + plan.u[k] * slope);
+                let value = (self.base + plan.v[k] * self.v) + plan.u[k] * slope;
+                words[k >> 5] = simd.or_u32s(words[k >> 5], bit_where(simd, value.not_negative(), k));
             }
         }
         words

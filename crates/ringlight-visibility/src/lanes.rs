@@ -1,4 +1,7 @@
 //! Vectors of receivers: `pulp`'s registers with operators, in plain (never fused) arithmetic.
+//!
+//! Code over lanes has neither closures nor `map`: what is not `#[inline(always)]` is compiled without the vector
+//! instructions, and each operation in it becomes a call (fifty times slower).
 
 use std::ops::{Add, Mul, Sub};
 
@@ -98,6 +101,31 @@ macro_rules! operator {
 operator!(Add, add, add_f32s);
 operator!(Sub, sub, sub_f32s);
 operator!(Mul, mul, mul_f32s);
+
+/// Each coordinate with its sign flipped where `sign` has its bit set.
+#[inline(always)]
+pub(crate) fn flip<S: Machine>(a: LaneVector<S>, sign: Lanes<S>) -> LaneVector<S> {
+    [a[0].flip(sign), a[1].flip(sign), a[2].flip(sign)]
+}
+
+/// Each coordinate without its sign.
+#[inline(always)]
+pub(crate) fn abs<S: Machine>(a: LaneVector<S>) -> LaneVector<S> {
+    [a[0].abs(), a[1].abs(), a[2].abs()]
+}
+
+/// The same vector in every lane.
+#[inline(always)]
+pub(crate) fn splat<S: Machine>(simd: S, a: [f32; 3]) -> LaneVector<S> {
+    [Lanes::splat(simd, a[0]), Lanes::splat(simd, a[1]), Lanes::splat(simd, a[2])]
+}
+
+/// Sum of the absolute coordinates.
+#[inline(always)]
+pub(crate) fn norm<S: Machine>(a: LaneVector<S>) -> Lanes<S> {
+    let a = abs(a);
+    (a[0] + a[1]) + a[2]
+}
 
 /// a − x.
 #[inline(always)]

@@ -2,7 +2,7 @@
 
 use crate::build::{Child, Node, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, splat};
 use crate::predicate::{Prepared, SHAFT_MARGIN, is_nearer, ray_hit};
 use crate::{Hierarchy, Hit, NO_PLANE, Ray};
 
@@ -80,12 +80,17 @@ fn passed<M: Machine>(
 ) -> (u32, [f32; WIDTH]) {
     let (mut bits, mut enters) = (0, [0.0; WIDTH]);
     for chunk in 0..WIDTH / M::F32_LANES {
-        let side = |of: &[[f32; WIDTH]; 3], i: usize| {
-            Lanes::new(machine, M::as_simd_f32s(&of[i]).0[chunk]) - origin[i]
-        };
-        let low: [_; 3] = std::array::from_fn(|i| side(&node.low, i));
-        let high: [_; 3] = std::array::from_fn(|i| side(&node.high, i));
-        let farthest: [_; 3] = std::array::from_fn(|i| low[i].abs().max(high[i].abs()));
+        let mut low = splat(machine, [0.0; 3]);
+        let mut high = low;
+        for i in 0..3 {
+            low[i] = Lanes::new(machine, M::as_simd_f32s(&node.low[i]).0[chunk]) - origin[i];
+            high[i] = Lanes::new(machine, M::as_simd_f32s(&node.high[i]).0[chunk]) - origin[i];
+        }
+        let farthest = [
+            low[0].abs().max(high[0].abs()),
+            low[1].abs().max(high[1].abs()),
+            low[2].abs().max(high[2].abs()),
+        ];
         let margin = ((farthest[0] + farthest[1]) + farthest[2]) * SHAFT_MARGIN;
         let mut enter = Lanes::splat(machine, 0.0);
         let mut leave = Lanes::splat(machine, far);

@@ -6,7 +6,7 @@ use crate::instruction_set::Machine;
 
 use crate::build::{Bounds, Node, WIDTH};
 use crate::kernel::{PACKET, Packet};
-use crate::lanes::{Lanes, any};
+use crate::lanes::{Lanes, any, splat};
 use crate::plan::{Kind, Plan};
 use crate::predicate::{SHAFT_MARGIN, Vector, cross, dot, norm, sub};
 
@@ -119,11 +119,12 @@ impl Shaft {
     pub fn children<S: Machine>(&self, simd: S, node: &Node) -> u32 {
         let mut bits = 0;
         for chunk in 0..WIDTH / S::F32_LANES {
-            let side = |of: &[[f32; WIDTH]; 3], i: usize| {
-                Lanes::new(simd, S::as_simd_f32s(&of[i]).0[chunk]) - self.centre[i]
-            };
-            let low: [_; 3] = std::array::from_fn(|i| side(&node.low, i).max(Lanes::splat(simd, self.low[i])));
-            let high: [_; 3] = std::array::from_fn(|i| side(&node.high, i).min(Lanes::splat(simd, self.high[i])));
+            let mut low = splat(simd, self.low);
+            let mut high = splat(simd, self.high);
+            for i in 0..3 {
+                low[i] = low[i].max(Lanes::new(simd, S::as_simd_f32s(&node.low[i]).0[chunk]) - self.centre[i]);
+                high[i] = high[i].min(Lanes::new(simd, S::as_simd_f32s(&node.high[i]).0[chunk]) - self.centre[i]);
+            }
             let mut inside = high[0].at_least(low[0]);
             inside = simd.and_m32s(inside, high[1].at_least(low[1]));
             inside = simd.and_m32s(inside, high[2].at_least(low[2]));
@@ -133,8 +134,10 @@ impl Shaft {
             // The nearest corner of what the shaft's box leaves of the child.
             for plane in &self.planes[..self.count] {
                 let n = plane.normal;
-                let near = |i: usize| if n[i] > 0.0 { low[i] } else { high[i] };
-                let least = (near(0) * n[0] + near(1) * n[1]) + near(2) * n[2];
+                let x = if n[0] > 0.0 { low[0] } else { high[0] };
+                let y = if n[1] > 0.0 { low[1] } else { high[1] };
+                let z = if n[2] > 0.0 { low[2] } else { high[2] };
+                let least = (x * n[0] + y * n[1]) + z * n[2];
                 inside = simd.and_m32s(inside, Lanes::splat(simd, plane.offset).at_least(least));
             }
             bits |= simd.bits(inside) << (chunk * S::F32_LANES);
