@@ -99,7 +99,12 @@ impl Hierarchy {
 
     /// The nearest hit of `ray`; cutouts let it through their holes, screens are hit.
     pub fn nearest_hit(&self, ray: &Ray) -> Option<Hit> {
-        self.instruction_set.run(nearest::Nearest { hierarchy: self, ray })
+        self.nearest_hit_where(ray, |_| true)
+    }
+
+    /// The nearest hit among the triangles that `accept` takes.
+    pub fn nearest_hit_where(&self, ray: &Ray, accept: impl Fn(&Triangle) -> bool) -> Option<Hit> {
+        self.instruction_set.run(nearest::Nearest { hierarchy: self, ray, accept })
     }
 
     /// The triangles, in the hierarchy's order, without the slivers.

@@ -4,20 +4,21 @@ use crate::build::{Child, Node, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::lanes::{Lanes, splat};
 use crate::predicate::{Prepared, SHAFT_MARGIN, is_nearer, ray_hit};
-use crate::{Hierarchy, Hit, NO_PLANE, Ray};
+use crate::{Hierarchy, Hit, NO_PLANE, Ray, Triangle};
 
-/// The work of [`Hierarchy::nearest_hit`].
-pub(crate) struct Nearest<'a> {
+/// The work of [`Hierarchy::nearest_hit_where`].
+pub(crate) struct Nearest<'a, F> {
     pub hierarchy: &'a Hierarchy,
     pub ray: &'a Ray,
+    pub accept: F,
 }
 
-impl Task for Nearest<'_> {
+impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
     type Output = Option<Hit>;
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> Option<Hit> {
-        let Nearest { hierarchy, ray } = self;
+        let Nearest { hierarchy, ray, accept } = self;
         let mut best: Option<Hit> = None;
         if hierarchy.nodes.is_empty() {
             return None;
@@ -39,6 +40,7 @@ impl Task for Nearest<'_> {
                         }
                         if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
                             && is_nearer(&hit, &best)
+                            && accept(triangle)
                         {
                             best = Some(hit);
                         }
