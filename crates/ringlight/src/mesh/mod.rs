@@ -366,6 +366,14 @@ impl Patch {
         Some(self.area_sample(&tile, sample.into()))
     }
 
+    /// Whether the surface at parameters `at` of the patch is covered by other geometry.
+    pub fn is_covered(&self, mesh: &Mesh, at: DVec2) -> bool {
+        let layout = self.frame.layout;
+        let (element, within) = Tile::find(layout, self.grid, at);
+        let sample = Tile::find(layout, [4, 4], within).0;
+        mesh.valid[(self.first_element + element) as usize] >> sample & 1 == 0
+    }
+
     /// Position of sample `sample` (0 to 15) of the element over `tile`.
     pub fn area_sample(&self, tile: &Tile, sample: u32) -> DVec3 {
         let inner = Tile::of(self.frame.layout, [4, 4], sample);

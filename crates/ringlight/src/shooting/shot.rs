@@ -103,6 +103,11 @@ pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize
         for (k, weight) in weights.iter_mut().enumerate() {
             *weight = field.cell_average(side, k as u32);
         }
+        // A covered cell is seen by nobody: those that are seen shoot its share.
+        let open = |k: usize| !field.is_covered(frame.layout.centre(side, k).map(f64::from).into());
+        if (0..cells).any(|k| open(k) && weights[k] != [0.0; 3]) {
+            (0..cells).filter(|&k| !open(k)).for_each(|k| weights[k] = [0.0; 3]);
+        }
         scale_to(&mut weights, &density, mean);
     }
     let (corners, count) = frame.corners();
@@ -170,18 +175,23 @@ impl Field<'_> {
         let mut sum = [0.0; 3];
         for s in 0..fine * fine {
             let at = tile.compose(Tile::of(layout, [fine; 2], s)).at(Frame::middle(layout));
-            let (element, within) = Tile::find(layout, grid, at);
-            let sample = Tile::find(layout, [4, 4], within).0;
-            if self.valid[element as usize] >> sample & 1 == 0 {
+            if self.is_covered(at) {
                 continue;
             }
             let value = match layout {
                 Layout::Quad => self.bilinear(at),
-                Layout::Triangle => self.radiosity[element as usize],
+                Layout::Triangle => self.radiosity[Tile::find(layout, grid, at).0 as usize],
             };
             (0..3).for_each(|c| sum[c] += value[c] / f64::from(fine * fine));
         }
         sum
+    }
+
+    /// Whether the patch is covered at parameters `at`.
+    fn is_covered(&self, at: DVec2) -> bool {
+        let layout = self.patch.frame.layout;
+        let (element, within) = Tile::find(layout, self.patch.grid, at);
+        self.valid[element as usize] >> Tile::find(layout, [4, 4], within).0 & 1 == 0
     }
 
     /// Interpolation between the middles of the elements that have a free part; constant beyond the outermost middles.
