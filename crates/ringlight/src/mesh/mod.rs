@@ -351,17 +351,14 @@ impl Patch {
         Tile::of(self.frame.layout, self.grid, k)
     }
 
-    /// Where light is evaluated on its `k`-th element: its middle, or, when some of its samples are covered by other
+    /// Where light is evaluated on its `k`-th element: its middle, or, when the samples there are covered by other
     /// geometry, the free sample nearest to the middle. None if all are covered.
     pub fn sample_point(&self, k: u32, valid: u16) -> Option<DVec3> {
         let tile = self.element_tile(k);
-        if valid == ALL_VALID {
+        let (order, innermost) = validity::order(self.frame.layout);
+        if valid & innermost == innermost {
             return Some(self.frame.at(tile.at(Frame::middle(self.frame.layout))));
         }
-        let order = match self.frame.layout {
-            Layout::Quad => &validity::QUAD_ORDER,
-            Layout::Triangle => &validity::TRIANGLE_ORDER,
-        };
         let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
         Some(self.area_sample(&tile, sample.into()))
     }

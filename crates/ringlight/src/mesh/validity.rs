@@ -9,10 +9,18 @@ use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, Layout, NO_PLANE, Ray};
 
 /// Samples of a quadrilateral element from the middle outwards.
-pub const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
+const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
 
 /// Samples of a triangular element from the middle outwards.
-pub const TRIANGLE_ORDER: [u8; 16] = [9, 3, 8, 10, 2, 4, 7, 11, 12, 14, 1, 5, 13, 0, 6, 15];
+const TRIANGLE_ORDER: [u8; 16] = [9, 3, 8, 10, 2, 4, 7, 11, 12, 14, 1, 5, 13, 0, 6, 15];
+
+/// Samples from the middle outwards, and the bits of those around the middle: when they are free, so is the middle.
+pub fn order(layout: Layout) -> (&'static [u8; 16], u16) {
+    match layout {
+        Layout::Quad => (&QUAD_ORDER, 1 << 5 | 1 << 6 | 1 << 9 | 1 << 10),
+        Layout::Triangle => (&TRIANGLE_ORDER, 1 << 9),
+    }
+}
 
 /// Surfaces nearer than this share of an element's width touch it.
 const CONTACT: f64 = 0.02;
@@ -70,11 +78,7 @@ fn valid_samples(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, k: u32) -> u
     }
     let samples = (0..16).filter(|&s| free(patch.area_sample(&tile, s))).fold(0u16, |bits, s| bits | 1 << s);
     // A covered middle must not be the sample point: one bit less says so.
-    let innermost = match patch.frame.layout {
-        Layout::Quad => QUAD_ORDER[0],
-        Layout::Triangle => TRIANGLE_ORDER[0],
-    };
-    if samples == ALL_VALID && !middle { samples & !(1 << innermost) } else { samples }
+    if middle { samples } else { samples & !(1 << order(patch.frame.layout).0[0]) }
 }
 
 /// Whether a point sees anything but backs and what touches it. Where a coplanar surface faces it (a box's bottom on the
