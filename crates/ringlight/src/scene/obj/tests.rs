@@ -215,6 +215,17 @@ fn shared_scenes_keep_textures_units_and_areas() {
     }
 }
 
+#[test]
+fn our_cornell_box_is_read() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    let bytes = Bytes::new(std::fs::read(folder.join("cornell_box.obj")).unwrap());
+    let scene = read("cornell_box.obj", bytes, &Folder(folder), 1.0).unwrap();
+    assert_eq!((scene.surfaces.len(), scene.materials.len(), codes(&scene).len()), (8, 4, 0));
+    let areas: Vec<f64> = (0..8).map(|surface| triangles(&scene, surface).iter().map(area).sum()).collect();
+    assert!((areas[1] + areas[2] - 0.556 * 0.5592).abs() < 1e-12 && (areas[2] - 0.13 * 0.105).abs() < 1e-12);
+    assert!(scene.materials[scene.surfaces[2].material as usize].emission[0] > 20.0);
+}
+
 const WHOLE: &str = "mtllib a.mtl b c.mtl\nv 0 0 0\nv 4 0 0 1 0 .5\nv 4 4 0\nv 2 1 0\nv 0 4 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n\
     o one\ng two three\nusemtl m\ns 1\nf 1/1/1 2/2/1 3/3/1 4/1/1 5/2/1\nf -1 -2 \\\n -3\nf 1//1 2//1 3//1\nusemtl n\nl 1 2\nf 3 2 1\n";
 const MATERIALS: &str = "newmtl m\nKd 0.5 0.5 0.5\nKe 1 1 1\nd 0.5\nmap_Kd -s 1 1 1 -o 0 0 -mm 0 1 t.png\nmap_d t.png\n\

@@ -1,0 +1,103 @@
+//! `cargo xtask test`: everything that has to pass. The tests come last, so that the output ends with their summary.
+
+use super::{licences, tidy};
+use anyhow::{Context, Result, ensure};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Runs all checks; stops at the first that fails.
+pub fn run(root: &Path) -> Result<()> {
+    let tools = Tools::find();
+    let cargo = |title: &str, line: &str| step(title, command(root, env!("CARGO"), line));
+    cargo("formatting", "fmt --all --check")?;
+    println!("== rules of the source tree");
+    tidy::run(root)?;
+    println!("== licences");
+    licences::run(root)?;
+    cargo("lints", "clippy --workspace --all-targets --quiet -- -D warnings")?;
+    let mut documentation = command(root, env!("CARGO"), "doc --workspace --no-deps --quiet");
+    documentation.env("RUSTDOCFLAGS", "-D warnings");
+    step("documentation", documentation)?;
+    if tools.node {
+        validate_scenes(root)?;
+    } else {
+        println!("== scenes: not validated, because Node.js and npm are missing");
+    }
+    cargo("examples in the documentation", "test --workspace --doc --release --quiet")?;
+    if tools.nextest {
+        cargo("tests", "nextest run --workspace --release --no-fail-fast")
+    } else {
+        cargo("tests (cargo-nextest is missing)", "test --workspace --all-targets --release --no-fail-fast")
+    }
+}
+
+/// Optional tools.
+struct Tools {
+    node: bool,
+    nextest: bool,
+}
+
+impl Tools {
+    /// Looks for the tools. Installs what is missing where that is expected (`CI=true`).
+    fn find() -> Tools {
+        let here = Path::new(".");
+        let installs = std::env::var("CI").is_ok_and(|value| value == "true");
+        let has_node = || works(command(here, "node", "--version")) && works(command(here, "npm", "--version"));
+        let has_nextest = || works(command(here, env!("CARGO"), "nextest --version"));
+        if installs && !has_node() && works(command(here, "apt-get", "update")) {
+            works(command(here, "apt-get", "install --yes --no-install-recommends nodejs npm"));
+        }
+        if installs && !has_nextest() {
+            works(command(here, env!("CARGO"), "install cargo-nextest --locked --quiet"));
+        }
+        Tools { node: has_node(), nextest: has_nextest() }
+    }
+}
+
+/// Checks the generated scenes with the Khronos validator, which is installed under `target/tools`.
+fn validate_scenes(root: &Path) -> Result<()> {
+    let (source, folder) = (root.join("xtask/tools"), root.join("target/tools"));
+    fs::create_dir_all(&folder)?;
+    let lock = fs::read(source.join("package-lock.json"))?;
+    let installed = folder.join("node_modules").exists() && fs::read(folder.join("installed.json")).ok() == Some(lock);
+    for file in ["package.json", "package-lock.json", "validate.js"] {
+        fs::copy(source.join(file), folder.join(file)).with_context(|| format!("cannot copy {file}"))?;
+    }
+    if !installed {
+        step("tools", command(&folder, "npm", "ci --no-audit --no-fund --silent"))?;
+        fs::copy(folder.join("package-lock.json"), folder.join("installed.json"))?;
+    }
+    let mut scenes = Vec::new();
+    for entry in fs::read_dir(root.join("scenes"))? {
+        let path = entry?.path();
+        if path.extension().is_some_and(|ending| ending == "glb" || ending == "gltf") {
+            scenes.push(path);
+        }
+    }
+    ensure!(!scenes.is_empty(), "there are no scenes to validate");
+    scenes.sort();
+    let mut validator = command(root, "node", "target/tools/validate.js");
+    validator.args(scenes.iter().map(|path| path.strip_prefix(root).unwrap_or(path)));
+    step("scenes", validator)
+}
+
+/// A command from its words.
+fn command(folder: &Path, program: &str, words: &str) -> Command {
+    let mut command = Command::new(program);
+    command.args(words.split_whitespace()).current_dir(folder).stdin(Stdio::null());
+    command
+}
+
+/// Whether a command can be run and succeeds; its output is not shown.
+fn works(mut command: Command) -> bool {
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+}
+
+/// Runs a command that has to succeed.
+fn step(title: &str, mut command: Command) -> Result<()> {
+    println!("== {title}");
+    let status = command.status().with_context(|| format!("cannot run {:?}", command.get_program()))?;
+    ensure!(status.success(), "{title} failed ({status})");
+    Ok(())
+}
