@@ -5,8 +5,13 @@
 //! second copy of the geometry is held.
 
 pub mod error;
+pub mod gltf;
+pub mod obj;
+mod read;
+pub mod texture;
 
 pub use error::{Place, SceneError, Warning, Warnings};
+pub use read::{ReadOptions, read};
 
 use crate::resources::Bytes;
 use serde::{Deserialize, Serialize};

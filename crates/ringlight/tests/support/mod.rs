@@ -1,0 +1,133 @@
+//! Help for the tests of the scene readers: files in memory or in a folder, and scenes written in code.
+#![allow(dead_code, reason = "each test binary uses a part of it")]
+
+use ringlight::resources::{Bytes, Resources};
+use ringlight::scene::{self, ReadOptions, Scene, SceneError, SourceTriangle};
+use std::collections::BTreeMap;
+use std::io;
+use std::path::PathBuf;
+
+/// Files in memory.
+#[derive(Default)]
+pub struct Files(pub BTreeMap<String, Vec<u8>>);
+
+impl Resources for Files {
+    fn read(&self, path: &str) -> io::Result<Bytes> {
+        let bytes = self.0.get(path).ok_or_else(|| io::Error::new(io::ErrorKind::NotFound, "no such file"))?;
+        Ok(Bytes::new(bytes.clone()))
+    }
+}
+
+/// Files in a folder.
+pub struct Folder(pub PathBuf);
+
+impl Resources for Folder {
+    fn read(&self, path: &str) -> io::Result<Bytes> {
+        Ok(Bytes::new(std::fs::read(self.0.join(path))?))
+    }
+}
+
+/// Reads a scene held in memory that refers to nothing else.
+pub fn read(name: &str, bytes: &[u8]) -> Result<Scene, SceneError> {
+    scene::read(name, Bytes::new(bytes.to_vec()), &Files::default(), &ReadOptions::default())
+}
+
+/// All triangles of a scene, surface by surface; checks that the counts hold.
+pub fn triangles(scene: &Scene) -> Result<Vec<Vec<SourceTriangle>>, SceneError> {
+    let mut all = Vec::new();
+    for (index, surface) in scene.surfaces.iter().enumerate() {
+        let mut triangles = Vec::new();
+        scene.geometry.triangles(index, &mut |triangle| triangles.push(triangle))?;
+        assert_eq!(triangles.len() as u64, surface.triangles, "surface {index}");
+        all.push(triangles);
+    }
+    Ok(all)
+}
+
+/// Reads a scene and all of its triangles, to see that nothing panics.
+pub fn read_all(name: &str, bytes: &[u8]) -> Result<Vec<Vec<SourceTriangle>>, SceneError> {
+    triangles(&read(name, bytes)?)
+}
+
+/// A GLB of a document and a binary chunk.
+pub fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
+    let mut json = json.as_bytes().to_vec();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut binary = binary.to_vec();
+    binary.resize(binary.len().next_multiple_of(4), 0);
+    let mut file = b"glTF".to_vec();
+    let length = 12 + 8 + json.len() + 8 + binary.len();
+    for word in [2, length as u32, json.len() as u32] {
+        file.extend(word.to_le_bytes());
+    }
+    file.extend(b"JSON");
+    file.extend(json);
+    file.extend((binary.len() as u32).to_le_bytes());
+    file.extend(b"BIN\0");
+    file.extend(binary);
+    file
+}
+
+/// Floats as bytes.
+pub fn floats(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+/// 16-bit numbers as bytes.
+pub fn shorts(values: &[u16]) -> Vec<u8> {
+    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
+/// A document under construction: each block of bytes becomes a buffer view.
+#[derive(Default)]
+pub struct Builder {
+    binary: Vec<u8>,
+    views: Vec<serde_json::Value>,
+    accessors: Vec<serde_json::Value>,
+}
+
+impl Builder {
+    /// Adds a buffer view and gives its index.
+    pub fn view(&mut self, bytes: &[u8]) -> usize {
+        self.binary.resize(self.binary.len().next_multiple_of(4), 0);
+        self.views.push(serde_json::json!({
+            "buffer": 0, "byteOffset": self.binary.len(), "byteLength": bytes.len(),
+        }));
+        self.binary.extend(bytes);
+        self.views.len() - 1
+    }
+
+    /// The JSON of a buffer view, to be changed.
+    pub fn view_json(&mut self, view: usize) -> &mut serde_json::Value {
+        &mut self.views[view]
+    }
+
+    /// Adds an accessor from its JSON and gives its index.
+    pub fn accessor(&mut self, accessor: serde_json::Value) -> usize {
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    /// Adds a view and an accessor of `kind` with components of type `component`.
+    pub fn rows(&mut self, bytes: &[u8], kind: &str, component: u32, count: usize) -> usize {
+        let view = self.view(bytes);
+        self.accessor(serde_json::json!({
+            "bufferView": view, "componentType": component, "count": count, "type": kind,
+        }))
+    }
+
+    /// Adds an accessor of float vectors.
+    pub fn vectors(&mut self, values: &[f32], width: usize) -> usize {
+        let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"].get(width - 1).copied().unwrap_or("MAT4");
+        self.rows(&floats(values), kind, 5126, values.len() / width)
+    }
+
+    /// The GLB with the other members of `document`.
+    pub fn finish(self, mut document: serde_json::Value) -> Vec<u8> {
+        document["asset"] = serde_json::json!({ "version": "2.0" });
+        document["buffers"] = serde_json::json!([{ "byteLength": self.binary.len() }]);
+        document["bufferViews"] = self.views.into();
+        document["accessors"] = self.accessors.into();
+        glb(&document.to_string(), &self.binary)
+    }
+}
