@@ -67,16 +67,17 @@ fn every_gltf_scene_has_the_triangles_of_the_table() {
     }
 }
 
-/// Total area and the area-weighted centre: equal for the same scene in another encoding.
-fn moments(scene: &Scene) -> (f64, glam::DVec3) {
-    let (mut area, mut centre) = (0.0, glam::DVec3::ZERO);
+/// Total area, area-weighted centre and signed volume: equal for the same scene in another encoding, if no winding flips.
+fn moments(scene: &Scene) -> (f64, glam::DVec3, f64) {
+    let (mut area, mut centre, mut volume) = (0.0, glam::DVec3::ZERO, 0.0);
     for triangle in triangles(scene).expect("readable").iter().flatten() {
         let [a, b, c] = triangle.position.map(glam::DVec3::from);
         let own = (b - a).cross(c - a).length() / 2.0;
         area += own;
         centre += own * (a + b + c) / 3.0;
+        volume += a.dot(b.cross(c)) / 6.0;
     }
-    (area, centre / area)
+    (area, centre / area, volume)
 }
 
 #[test]
@@ -89,14 +90,17 @@ fn compressed_and_rewritten_scenes_equal_their_plain_twins() {
         ("veach_ajar.glb", "robustness/veach_ajar_emissive_texture.glb", 0.0),
         ("bakinglab_box/bakinglab_box.gltf", "robustness/bakinglab_box_quantized.glb", 1e-3),
         ("bakinglab_box/bakinglab_box.gltf", "robustness/bakinglab_box_nonindexed_interleaved.glb", 1e-6),
-        ("robustness/cornell_u8_indices.glb", "robustness/cornell_strip_fan.glb", 1e-6),
+        // The measured red wall is not quite flat, and strips cut it along the other diagonal.
+        ("robustness/cornell_u8_indices.glb", "robustness/cornell_strip_fan.glb", 2e-3),
         ("robustness/cornell_u8_indices.glb", "robustness/uri escapes/cornell ü.gltf", 1e-6),
     ] {
-        let (plain_area, plain_centre) = moments(&load(&folder.join(plain)));
-        let (area, centre) = moments(&load(&folder.join(twin)));
+        let (plain_area, plain_centre, plain_volume) = moments(&load(&folder.join(plain)));
+        let (area, centre, volume) = moments(&load(&folder.join(twin)));
         assert!((area / plain_area - 1.0).abs() <= tolerance, "{twin}: area {area}, expected {plain_area}");
         let distance = (centre - plain_centre).length() / plain_area.sqrt();
         assert!(distance <= tolerance, "{twin}: centre {centre}, expected {plain_centre}");
+        let difference = (volume - plain_volume).abs() / plain_area.powf(1.5);
+        assert!(difference <= tolerance, "{twin}: volume {volume}, expected {plain_volume}");
     }
 }
 
@@ -127,9 +131,8 @@ fn meshopt_keeps_texture_coordinates() {
 fn instances_lights_and_cameras_are_found() {
     let Some(folder) = folder() else { return };
     let rooms = load(&folder.join("robustness/godot_two_rooms_gpu_instancing.glb"));
-    println!("instanced: {} surfaces, {} triangles", rooms.surfaces.len(), count(&rooms));
-    // 8 batches hold 34 instances, and the table's count excludes them.
-    assert!(count(&rooms) > 28_008);
+    // 8 batches hold 34 instances, which make two rooms of 63 720 triangles.
+    assert_eq!((rooms.surfaces.len(), count(&rooms)), (34, 2 * 63_720));
 
     let living_room = load(&folder.join("godot_living_room.glb"));
     assert_eq!(living_room.lights.len(), 3);
