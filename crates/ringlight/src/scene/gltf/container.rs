@@ -12,6 +12,8 @@ pub(in crate::scene) const GLB_MAGIC: &[u8] = b"glTF";
 const JSON_CHUNK: u32 = u32::from_le_bytes(*b"JSON");
 const BINARY_CHUNK: u32 = u32::from_le_bytes(*b"BIN\0");
 
+const EXPECTED: &str = "a glTF document (valid JSON) or a GLB file";
+
 /// Splits a file into its document and, for a GLB, the place of its binary chunk.
 pub(super) fn open(name: &str, bytes: &Bytes) -> Result<(Document, Option<Range<usize>>), SceneError> {
     let (json, binary) =
@@ -79,6 +81,11 @@ fn chunks(name: &str, bytes: &[u8]) -> Result<Chunks, SceneError> {
 }
 
 fn parse(name: &str, text: &[u8]) -> Result<Document, SceneError> {
+    // Serde would also take the members of an object from a list.
+    if text.iter().find(|byte| !byte.is_ascii_whitespace()).is_some_and(|first| *first != b'{') {
+        let place = Place::new(name, "line 1 column 1");
+        return Err(SceneError::new(place, "no JSON object", EXPECTED));
+    }
     let mut deserializer = serde_json::Deserializer::from_slice(text);
     let document = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let path = error.path().to_string();
@@ -103,7 +110,7 @@ fn syntax_error(name: &str, cause: &serde_json::Error) -> SceneError {
     let message = cause.to_string();
     // serde_json repeats the position at the end of its message.
     let found = message.rsplit_once(" at line ").map_or(message.as_str(), |(text, _)| text).to_owned();
-    SceneError::new(place, found, "a glTF document (valid JSON) or a GLB file")
+    SceneError::new(place, found, EXPECTED)
 }
 
 fn check_version(name: &str, document: &Document) -> Result<(), SceneError> {

@@ -8,6 +8,17 @@ use crate::scene::SceneError;
 use draco_core::{DecodeLimits, DecoderBuffer, Mesh, MeshDecoder};
 use std::panic::AssertUnwindSafe;
 
+/// The most memory that so many compressed bytes may ask for. The best real ratios are far below.
+fn limits(compressed: usize) -> DecodeLimits {
+    const LARGEST_RATIO: u64 = 4096;
+    let mut limits = DecodeLimits::default();
+    let most = (compressed as u64).saturating_mul(LARGEST_RATIO);
+    limits.max_points = limits.max_points.min(most);
+    limits.max_faces = limits.max_faces.min(most);
+    limits.max_decoded_bytes = limits.max_decoded_bytes.min(most);
+    limits
+}
+
 /// A decoded primitive.
 pub(super) struct DracoPrimitive {
     mesh: Mesh,
@@ -22,7 +33,7 @@ impl DracoPrimitive {
         // The decoder is a large crate that meets bytes from anywhere, so a panic in it is an error like any other.
         let decoded = std::panic::catch_unwind(AssertUnwindSafe(|| {
             let mut mesh = Mesh::new();
-            let mut buffer = DecoderBuffer::new(compressed.get()).with_limits(DecodeLimits::default());
+            let mut buffer = DecoderBuffer::new(compressed.get()).with_limits(limits(compressed.get().len()));
             MeshDecoder::new().decode(&mut buffer, &mut mesh).map(|()| mesh)
         }));
         let expected = "valid Draco data; `gltf-transform copy` writes the scene uncompressed";

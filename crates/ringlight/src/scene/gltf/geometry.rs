@@ -5,6 +5,9 @@ use super::nodes::compose;
 use crate::scene::{Geometry, Place, SceneError, SourceTriangle};
 use glam::{DMat3, DMat4, DVec3};
 
+/// Metres. Farther out, areas and volumes would leave the range of 32-bit floats.
+const MOST_DISTANT: f64 = 1e12;
+
 /// How vertices make triangles (glTF 2.0, section 3.7.2.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mode {
@@ -218,7 +221,7 @@ impl Reader<'_> {
             None => self.world,
         };
         let world = matrix.transform_point3(local);
-        if !world.is_finite() {
+        if !world.is_finite() || world.abs().max_element() > MOST_DISTANT {
             return Err(self.undefined(&format!("{}.mesh: {}", self.placement.path, self.primitive.path), vertex, world));
         }
         Ok((world.to_array(), matrix))
@@ -227,7 +230,8 @@ impl Reader<'_> {
     #[cold]
     fn undefined(&self, path: &str, vertex: usize, position: DVec3) -> SceneError {
         let place = Place::new(self.file, format!("{path}.attributes.POSITION[{vertex}]"));
-        SceneError::new(place, format!("position {:?}", position.to_array()), "finite coordinates")
+        let expected = format!("finite coordinates of at most {MOST_DISTANT:e} metres");
+        SceneError::new(place, format!("position {:?}", position.to_array()), expected)
     }
 
     /// The weighted sum of joint matrices. Weights should add up to 1 and are scaled to do so; a vertex without weights
