@@ -75,7 +75,8 @@ impl Hierarchy {
                 let blocked = self.triangles.iter().any(|t| {
                     t.plane != shooter.plane
                         && t.plane != points.plane[i]
-                        && (t.filter == crate::OPAQUE || self.filters[t.filter as usize].cells(cells.len()) >> k & 1 == 1)
+                        && (t.filter == crate::OPAQUE
+                            || self.filters[t.filter as usize].cells(cells.len()) >> k & 1 == 1)
                         && hit(t, x, direction).is_some_and(|h| h.distance > 0.0 && h.distance <= far)
                 });
                 if blocked {
@@ -107,9 +108,8 @@ impl Hierarchy {
 
 fn hit(t: &Triangle, x: [f32; 3], d: [f32; 3]) -> Option<Hit> {
     let sub = |a: [f32; 3], b: [f32; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    let cross = |a: [f32; 3], b: [f32; 3]| {
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    };
+    let cross =
+        |a: [f32; 3], b: [f32; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let [a, b, c] = t.corners;
     let n = cross(sub(b, a), sub(c, a));

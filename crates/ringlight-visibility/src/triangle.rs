@@ -67,7 +67,8 @@ impl Filter {
                 let bits = count.trailing_zeros();
                 (0..count as u32)
                     .filter(|&k| {
-                        let spread = if bits == 0 { 0 } else { (k ^ seed % count as u32).reverse_bits() >> (32 - bits) };
+                        let spread =
+                            if bits == 0 { 0 } else { (k ^ seed % count as u32).reverse_bits() >> (32 - bits) };
                         (spread as f32 + 0.5) / (count as f32) < share
                     })
                     .fold(0, |mask, k| mask | 1 << k)

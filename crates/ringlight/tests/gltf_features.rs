@@ -287,7 +287,8 @@ fn textures_are_transformed_and_wrapped() {
     let uv = builder.vectors(&[0.0, 0.0, 1.0, 0.0, 0.0, 1.0], 2);
     let image = builder.view(&tiny_png());
     // The specification's example: the lower left quarter of the image, turned clockwise.
-    let transform = json!({ "offset": [0, 1], "rotation": std::f64::consts::FRAC_PI_2, "scale": [0.5, 0.5], "texCoord": 1 });
+    let transform =
+        json!({ "offset": [0, 1], "rotation": std::f64::consts::FRAC_PI_2, "scale": [0.5, 0.5], "texCoord": 1 });
     let document = json!({
         "nodes": [{ "mesh": 0 }],
         "meshes": [{ "primitives": [{

@@ -131,7 +131,11 @@ fn changed_values_are_refused_at_their_place() {
         ("/nodes/2/camera", json!(1), "nodes[2].camera"),
         ("/nodes/3/extensions/KHR_lights_punctual/light", json!(1), "nodes[3].extensions.KHR_lights_punctual.light"),
         ("/nodes/1/extensions/EXT_mesh_gpu_instancing/attributes/TRANSLATION", json!(99), "nodes[1].extensions"),
-        ("/nodes/1/extensions/EXT_mesh_gpu_instancing/attributes/SCALE", json!(0), "EXT_mesh_gpu_instancing.attributes"),
+        (
+            "/nodes/1/extensions/EXT_mesh_gpu_instancing/attributes/SCALE",
+            json!(0),
+            "EXT_mesh_gpu_instancing.attributes",
+        ),
         ("/extensions/KHR_lights_punctual/lights/0/type", json!("area"), "lights[0].type"),
         ("/extensions/KHR_lights_punctual/lights/0/intensity", json!(-1), "lights[0].intensity"),
         ("/extensions/KHR_lights_punctual/lights/0/range", json!(0), "lights[0].range"),

@@ -1,1 +1,7 @@
-//! TODO
+//! Lit models, pictures, tables, reports.
+
+mod exposure;
+mod smooth;
+
+pub use exposure::Exposure;
+pub use smooth::Smooth;

@@ -19,12 +19,7 @@ impl Default for ReadOptions {
 /// Reads the scene file `name`, whose content is `bytes`; what it refers to comes from `resources`.
 ///
 /// The content decides where it can: a GLB by its first bytes, glTF by its opening brace; then the ending of the name.
-pub fn read(
-    name: &str,
-    bytes: Bytes,
-    resources: &dyn Resources,
-    options: &ReadOptions,
-) -> Result<Scene, SceneError> {
+pub fn read(name: &str, bytes: Bytes, resources: &dyn Resources, options: &ReadOptions) -> Result<Scene, SceneError> {
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes);
     let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
     let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());

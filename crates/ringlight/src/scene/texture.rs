@@ -20,8 +20,7 @@ const MOST_SAMPLES: f64 = 1024.0;
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|value| {
         let encoded = value as f64 / 255.0;
-        let linear =
-            if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) };
+        let linear = if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) };
         linear as f32
     })
 });
@@ -109,9 +108,7 @@ impl TextureImage {
     pub fn sample(&self, uv: [f32; 2], wrap: [Wrap; 2], nearest: bool) -> [f32; 4] {
         let at = |axis: usize, size: usize| f64::from(uv[axis]) * size as f64;
         let (x, y) = (at(0, self.width), at(1, self.height));
-        let texel = |x: f64, y: f64| {
-            self.texel(wrapped(x, self.width, wrap[0]), wrapped(y, self.height, wrap[1]))
-        };
+        let texel = |x: f64, y: f64| self.texel(wrapped(x, self.width, wrap[0]), wrapped(y, self.height, wrap[1]));
         if nearest {
             return texel(x.floor(), y.floor());
         }

@@ -1,1 +1,13 @@
-//! TODO
+//! Choosing a shooter, its weighted cells, and what the receivers get from it.
+
+mod audit;
+mod emitter;
+mod light;
+mod receive;
+mod shot;
+
+pub use audit::{Fate, audit};
+pub use emitter::{Emitter, emitters, skies};
+pub use light::{ClusterLight, ElementLight, PatchLight, unshot_power};
+pub use receive::{Work, receive};
+pub use shot::{CellLight, Shoot, Shot, Source, patch_shot};

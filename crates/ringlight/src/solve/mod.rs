@@ -1,1 +1,75 @@
-//! TODO
+//! Progressive refinement: choose, shoot, receive, until it is good.
+
+mod energy;
+mod plain;
+mod state;
+
+pub use energy::{Energy, ExactSum};
+pub use plain::plain;
+pub use state::{State, World};
+
+use crate::quantity::Rgb;
+use crate::shooting::Shoot;
+use serde::{Deserialize, Serialize};
+
+/// What decides the result, saved with it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SolveSettings {
+    /// Cells of a shooter: 1, 4, 16 or 64.
+    pub cells: u32,
+    /// What a patch shoots.
+    pub shoot: Shoot,
+    /// Radiance of the uniform sky, W/(m²·sr) or cd/m².
+    pub sky: Option<Rgb>,
+}
+
+/// When to stop; not part of the result.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StopRule {
+    /// Unshot power as a share of emitted power.
+    pub until: f64,
+    /// Total number of shots.
+    pub max_shots: Option<u64>,
+}
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum StopReason {
+    /// The stop rule is met.
+    Converged,
+    /// No patch has anything left to shoot.
+    NothingLeft,
+    /// The number of shots is reached.
+    MaxShots,
+    /// The observer asked for it: time limit.
+    TimeLimit,
+    /// The observer asked for it: interrupted.
+    Interrupted,
+    /// The observer asked for it: terminated.
+    Terminated,
+}
+
+/// What the observer wants after a shot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Control {
+    /// Go on.
+    Continue,
+    /// Stop, with a valid state.
+    Stop(StopReason),
+}
+
+/// Where the run stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Progress {
+    /// Shots so far.
+    pub shots: u64,
+    /// Unshot power over emitted power.
+    pub unshot_share: f64,
+    /// Rays in this run.
+    pub rays: u64,
+    /// Masks in this run.
+    pub masks: u64,
+    /// Masks that needed no ray.
+    pub masks_without_rays: u64,
+}

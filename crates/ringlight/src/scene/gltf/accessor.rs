@@ -224,13 +224,15 @@ impl Views<'_> {
         let path = format!("accessors[{index}]");
         let component = self.component(accessor.component_type, &path, shape.components, referrer)?;
         let width = self.width(accessor, &path, shape, referrer)?;
-        let count = usize::try_from(accessor.count)
-            .map_err(|_| self.error(&format!("{path}.count"), accessor.count.to_string(), "a count that fits in memory"))?;
+        let count = usize::try_from(accessor.count).map_err(|_| {
+            self.error(&format!("{path}.count"), accessor.count.to_string(), "a count that fits in memory")
+        })?;
         let mut elements =
             Elements { base: None, stride: 0, component, width, normalized: accessor.normalized, count, sparse: None };
         if let Some(view) = accessor.buffer_view {
             let stride = find(&document.buffer_views, view).and_then(|view| view.byte_stride);
-            let rows = self.rows(view, &path, accessor.byte_offset, stride, accessor.count, width * component.bytes())?;
+            let rows =
+                self.rows(view, &path, accessor.byte_offset, stride, accessor.count, width * component.bytes())?;
             (elements.base, elements.stride) = (Some(rows.0), rows.1);
         }
         if accessor.buffer_view.is_none() && count > MOST_ROWS_WITHOUT_BYTES {
@@ -243,25 +245,13 @@ impl Views<'_> {
         Ok(elements)
     }
 
-    fn component(
-        &self,
-        code: u32,
-        path: &str,
-        allowed: &[Component],
-        referrer: &str,
-    ) -> Result<Component, SceneError> {
+    fn component(&self, code: u32, path: &str, allowed: &[Component], referrer: &str) -> Result<Component, SceneError> {
         Component::from_code(code).filter(|component| allowed.contains(component)).ok_or_else(|| {
             self.error(&format!("{path}.componentType"), code.to_string(), format!("one of {allowed:?} for {referrer}"))
         })
     }
 
-    fn width(
-        &self,
-        accessor: &json::Accessor,
-        path: &str,
-        shape: Shape,
-        referrer: &str,
-    ) -> Result<usize, SceneError> {
+    fn width(&self, accessor: &json::Accessor, path: &str, shape: Shape, referrer: &str) -> Result<usize, SceneError> {
         let width = match accessor.kind.as_str() {
             "SCALAR" => 1,
             "VEC2" => 2,

@@ -16,8 +16,7 @@ const EXPECTED: &str = "a glTF document (valid JSON) or a GLB file";
 
 /// Splits a file into its document and, for a GLB, the place of its binary chunk.
 pub(super) fn open(name: &str, bytes: &Bytes) -> Result<(Document, Option<Range<usize>>), SceneError> {
-    let (json, binary) =
-        if bytes.starts_with(GLB_MAGIC) { chunks(name, bytes)? } else { (0..bytes.len(), None) };
+    let (json, binary) = if bytes.starts_with(GLB_MAGIC) { chunks(name, bytes)? } else { (0..bytes.len(), None) };
     let text = bytes.get(json).unwrap_or_default();
     let document = parse(name, text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text))?;
     check_version(name, &document)?;
@@ -126,8 +125,6 @@ fn check_version(name: &str, document: &Document) -> Result<(), SceneError> {
     }
     match document.asset.min_version.as_deref() {
         None | Some("2.0") => Ok(()),
-        Some(version) => {
-            Err(SceneError::new(place("asset.minVersion"), format!("version {version:?}"), expected))
-        }
+        Some(version) => Err(SceneError::new(place("asset.minVersion"), format!("version {version:?}"), expected)),
     }
 }

@@ -65,11 +65,11 @@ impl DracoPrimitive {
         let width = usize::from(attribute.num_components());
         let values = attribute.read_f32s(self.mesh.num_points(), width);
         // The accessor says how the decoded numbers are meant (extension, "Conformance").
-        let one = find(&views.document.accessors, accessor).filter(|accessor| accessor.normalized).map_or(1.0, |accessor| {
-            super::accessor::Component::from_code(accessor.component_type).map_or(1.0, |component| component.one())
-        });
-        let bytes: Vec<u8> =
-            values.iter().flat_map(|value| ((f64::from(*value) / one) as f32).to_le_bytes()).collect();
+        let one =
+            find(&views.document.accessors, accessor).filter(|accessor| accessor.normalized).map_or(1.0, |accessor| {
+                super::accessor::Component::from_code(accessor.component_type).map_or(1.0, |component| component.one())
+            });
+        let bytes: Vec<u8> = values.iter().flat_map(|value| ((f64::from(*value) / one) as f32).to_le_bytes()).collect();
         Ok(Elements::from_floats(Slice::whole(Bytes::new(bytes)), width))
     }
 }

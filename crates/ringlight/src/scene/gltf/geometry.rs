@@ -179,8 +179,7 @@ fn colour(colours: &Elements, vertex: usize) -> [f32; 4] {
     if colours.width() < 4 {
         colour[3] = 1.0;
     }
-    // `max` first: it also turns an undefined number into 0.
-    colour.map(|channel| channel.max(0.0).min(1.0) as f32)
+    colour.map(|channel| if channel.is_nan() { 0.0 } else { channel.clamp(0.0, 1.0) as f32 })
 }
 
 /// Reads the vertices of one surface.
@@ -222,7 +221,11 @@ impl Reader<'_> {
         };
         let world = matrix.transform_point3(local);
         if !world.is_finite() || world.abs().max_element() > MOST_DISTANT {
-            return Err(self.undefined(&format!("{}.mesh: {}", self.placement.path, self.primitive.path), vertex, world));
+            return Err(self.undefined(
+                &format!("{}.mesh: {}", self.placement.path, self.primitive.path),
+                vertex,
+                world,
+            ));
         }
         Ok((world.to_array(), matrix))
     }

@@ -75,8 +75,7 @@ impl<'v, 'd> Materials<'v, 'd> {
                 (pbr.base_color_factor, pbr.base_color_texture.as_ref(), path)
             }
         };
-        let strength =
-            source.extensions.emissive_strength.as_ref().and_then(|extension| extension.emissive_strength);
+        let strength = source.extensions.emissive_strength.as_ref().and_then(|extension| extension.emissive_strength);
         let emission = source.emissive_factor.unwrap_or_default();
         let transmission = source.extensions.transmission.as_ref();
         let mut material = Material {
@@ -91,7 +90,11 @@ impl<'v, 'd> Materials<'v, 'd> {
         };
         if material.emission.iter().any(|channel| !channel.is_finite() || *channel < 0.0) {
             let found = format!("emission {:?}", material.emission);
-            return Err(self.views.error(&format!("{path}.emissiveFactor"), found, "finite numbers that are not negative"));
+            return Err(self.views.error(
+                &format!("{path}.emissiveFactor"),
+                found,
+                "finite numbers that are not negative",
+            ));
         }
         if !is_used {
             return Ok((material, UvSources::default()));

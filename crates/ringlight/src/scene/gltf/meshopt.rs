@@ -97,9 +97,10 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Option<Vec<u8>> {
             }
             let kind = kinds.get(quad).copied().unwrap_or(0);
             let before = last.get_mut(quad * 4..quad * 4 + 4)?;
-            for row in 0..rows_here {
-                let delta = [0, 1, 2, 3].map(|byte: usize| channels[byte][row]);
-                let now = predict(kind, delta, before.try_into().ok()?)?;
+            let [first, second, third, fourth] = &channels;
+            let deltas = first.iter().zip(second).zip(third.iter().zip(fourth)).take(rows_here);
+            for (row, ((a, b), (c, d))) in deltas.enumerate() {
+                let now = predict(kind, [*a, *b, *c, *d], before.try_into().ok()?)?;
                 before.copy_from_slice(&now);
                 let at = start + row * stride + quad * 4;
                 rows.get_mut(at..at + 4)?.copy_from_slice(&now);

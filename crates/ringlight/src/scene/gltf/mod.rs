@@ -294,9 +294,8 @@ impl Builder<'_, '_> {
         world: &DMat4,
     ) -> Result<Option<super::Camera>, SceneError> {
         let cameras = &self.document.cameras;
-        let source = find(cameras, index).ok_or_else(|| {
-            self.views.index_error(&format!("nodes[{node}].camera"), "camera", index, cameras.len())
-        })?;
+        let source = find(cameras, index)
+            .ok_or_else(|| self.views.index_error(&format!("nodes[{node}].camera"), "camera", index, cameras.len()))?;
         match lights::camera(source, node_name, world) {
             Ok(camera) => Ok(Some(camera)),
             Err(reason) => {

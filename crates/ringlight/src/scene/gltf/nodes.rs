@@ -157,11 +157,7 @@ fn local(document: &Document, index: u32) -> DMat4 {
 }
 
 /// Translation × rotation × scale. Rotations come as rounded floats, so they are normalised; one of length 0 turns nothing.
-pub(super) fn compose(
-    translation: Option<[f64; 3]>,
-    rotation: Option<[f64; 4]>,
-    scale: Option<[f64; 3]>,
-) -> DMat4 {
+pub(super) fn compose(translation: Option<[f64; 3]>, rotation: Option<[f64; 4]>, scale: Option<[f64; 3]>) -> DMat4 {
     let rotation = DQuat::from_array(rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]));
     let length = rotation.length();
     let rotation = if length > 0.0 && length.is_finite() { rotation / length } else { DQuat::IDENTITY };

@@ -97,8 +97,7 @@ impl Reading<'_, '_> {
     /// The attribute `semantic`, from the compressed data if it is there.
     fn attribute(&mut self, semantic: &str, shape: Shape) -> Result<Option<Elements>, SceneError> {
         let Some(&index) = self.source.attributes.get(semantic) else { return Ok(None) };
-        let unique_id =
-            self.source.extensions.draco.as_ref().and_then(|draco| draco.attributes.get(semantic)).copied();
+        let unique_id = self.source.extensions.draco.as_ref().and_then(|draco| draco.attributes.get(semantic)).copied();
         match (&self.draco, unique_id) {
             (Some(draco), Some(unique_id)) => draco.attribute(self.views, semantic, unique_id, index).map(Some),
             _ => self.views.elements(index, &format!("{}.attributes.{semantic}", self.path), shape).map(Some),

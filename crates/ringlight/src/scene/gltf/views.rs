@@ -94,7 +94,11 @@ impl<'a> Views<'a> {
         match target {
             uri::Target::Data { bytes, .. } => Ok(Slice::whole(Bytes::new(bytes))),
             uri::Target::Path(file) => resources.read(&file).map(Slice::whole).map_err(|cause| {
-                self.error(path, format!("file {file:?}, which cannot be read: {cause}"), "a readable file beside the scene")
+                self.error(
+                    path,
+                    format!("file {file:?}, which cannot be read: {cause}"),
+                    "a readable file beside the scene",
+                )
             }),
         }
     }
@@ -126,7 +130,11 @@ impl<'a> Views<'a> {
         let whole = find(&self.buffers, buffer)
             .ok_or_else(|| self.index_error(&format!("{path}.buffer"), "buffer", buffer, self.buffers.len()))?;
         let Some(whole) = whole else {
-            return Err(self.error(&format!("{path}.buffer"), "a fallback buffer without bytes", "a buffer with bytes"));
+            return Err(self.error(
+                &format!("{path}.buffer"),
+                "a fallback buffer without bytes",
+                "a buffer with bytes",
+            ));
         };
         whole.part(offset, length).ok_or_else(|| {
             self.error(

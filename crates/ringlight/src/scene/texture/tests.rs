@@ -135,7 +135,8 @@ fn an_image_larger_than_its_bytes_is_refused() {
     // A PNG header that claims 40 000 × 40 000 texels.
     let mut png = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR".to_vec();
     png.extend([0, 0, 0x9c, 0x40, 0, 0, 0x9c, 0x40, 8, 6, 0, 0, 0, 0, 0, 0, 0]);
-    let image = Image { name: "x.png".into(), media_type: "image/png".into(), bytes: crate::resources::Bytes::new(png) };
+    let image =
+        Image { name: "x.png".into(), media_type: "image/png".into(), bytes: crate::resources::Bytes::new(png) };
     let error = TextureImage::decode(&image).expect_err("too large");
     assert_eq!(error.place.file, "x.png");
 }

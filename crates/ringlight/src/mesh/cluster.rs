@@ -1,0 +1,114 @@
+//! Order of facets, and clusters: neighbours in space that face alike.
+
+use super::{Cluster, Facet, Mesh, NONE};
+use glam::{DVec3, Vec3};
+
+/// Elements per cluster aimed at. Small enough for tight boxes, large enough that per-cluster work vanishes.
+pub const CLUSTER_ELEMENTS: u32 = 64;
+
+/// The order of facets, and the sizes of the groups of neighbours in it: recursive halving of (position, normal) along
+/// its longest extent, a turn by 90° counting as much as `turn` metres.
+pub fn order(facets: &[Facet], element_counts: &[u32], turn: f64) -> (Vec<u32>, Vec<u32>) {
+    let keys: Vec<[f32; 6]> = facets
+        .iter()
+        .map(|f| {
+            let frame = f.frame();
+            let middle = frame.at(super::Frame::middle(frame.layout));
+            let normal = frame.area_vector().normalize() * turn;
+            [middle.x, middle.y, middle.z, normal.x, normal.y, normal.z].map(|x| x as f32)
+        })
+        .collect();
+    let mut order: Vec<u32> = (0..facets.len() as u32).collect();
+    let mut groups = Vec::new();
+    let mut stack = vec![0..facets.len()];
+    while let Some(range) = stack.pop() {
+        let part = &mut order[range.clone()];
+        let elements: u64 = part.iter().map(|&f| u64::from(element_counts[f as usize])).sum();
+        if part.len() <= 1 || elements <= u64::from(CLUSTER_ELEMENTS) {
+            groups.push(part.len() as u32);
+            continue;
+        }
+        let mut extent = [(f32::INFINITY, f32::NEG_INFINITY); 6];
+        for &f in part.iter() {
+            for (e, &x) in extent.iter_mut().zip(&keys[f as usize]) {
+                *e = (e.0.min(x), e.1.max(x));
+            }
+        }
+        let axis = (0..6).max_by(|&a, &b| (extent[a].1 - extent[a].0).total_cmp(&(extent[b].1 - extent[b].0)));
+        let axis = axis.unwrap_or(0);
+        let half = part.len() / 2;
+        // Ties by file order: the split depends on the scene alone.
+        part.select_nth_unstable_by(half, |&a, &b| {
+            keys[a as usize][axis].total_cmp(&keys[b as usize][axis]).then(a.cmp(&b))
+        });
+        let middle = range.start + half;
+        stack.push(middle..range.end);
+        stack.push(range.start..middle);
+    }
+    let mut start = 0;
+    for &n in &groups {
+        order[start..start + n as usize].sort_unstable();
+        start += n as usize;
+    }
+    (order, groups)
+}
+
+/// Numbers patches and elements of ordered facets, group by group: the fronts of a group, then its backs; and cuts them
+/// into clusters.
+pub fn number(mesh: &mut Mesh, groups: &[u32], double_sided: impl Fn(&Facet) -> bool) {
+    let (mut patch, mut element, mut start) = (0u32, 0u32, 0usize);
+    for &count in groups {
+        let range = start..start + count as usize;
+        start = range.end;
+        for back in [false, true] {
+            let first = (patch, element);
+            for f in range.clone() {
+                let facet = &mut mesh.facets[f];
+                if back && !double_sided(facet) {
+                    (facet.first_back_patch, facet.first_back_element) = (NONE, NONE);
+                    continue;
+                }
+                if back {
+                    (facet.first_back_patch, facet.first_back_element) = (patch, element);
+                } else {
+                    (facet.first_patch, facet.first_element) = (patch, element);
+                }
+                patch += facet.patch_count();
+                element += facet.element_count();
+                let code = (f as u32) << 1 | u32::from(back);
+                mesh.patch_facets.extend(std::iter::repeat_n(code, facet.patch_count() as usize));
+            }
+            if patch > first.0 {
+                cut(mesh, first, patch);
+            }
+        }
+    }
+}
+
+/// Cuts the patches from `first` (patch, element) up to `end` into clusters.
+fn cut(mesh: &mut Mesh, first: (u32, u32), end: u32) {
+    let (mut patches, mut elements) = (first.0..first.0, first.1..first.1);
+    let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+    for id in first.0..end {
+        let patch = mesh.patch(id);
+        let (corners, n) = patch.frame.corners();
+        for c in &corners[..n] {
+            (low, high) = (low.min(down(*c)), high.max(up(*c)));
+        }
+        patches.end = id + 1;
+        elements.end += patch.element_count();
+        if elements.len() >= CLUSTER_ELEMENTS as usize || id + 1 == end {
+            mesh.clusters.push(Cluster { patches: patches.clone(), elements: elements.clone(), low, high });
+            (patches, elements) = (id + 1..id + 1, elements.end..elements.end);
+            (low, high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        }
+    }
+}
+
+fn down(p: DVec3) -> Vec3 {
+    p.as_vec3().map(f32::next_down)
+}
+
+fn up(p: DVec3) -> Vec3 {
+    p.as_vec3().map(f32::next_up)
+}

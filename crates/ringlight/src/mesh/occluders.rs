@@ -1,0 +1,70 @@
+//! What blocks light: the facets' triangles and what they let through.
+
+use super::{Facet, Mesh, NONE};
+use ringlight_visibility::{Bitmap, Filter, Hierarchy, OPAQUE, Triangle};
+use std::sync::Arc;
+
+/// Cut-out bitmaps, and how facets are covered.
+#[derive(Clone, Debug, Default)]
+pub struct Occluder {
+    /// Share of light that each surface blocks where it is not textured: 1 for opaque ones.
+    pub coverage: Vec<f32>,
+    /// Which texels of a surface block: index into `bitmaps`, for materials in alpha mode MASK.
+    pub cutout: Vec<Option<u32>>,
+    /// Cut-out bitmaps.
+    pub bitmaps: Vec<Arc<Bitmap>>,
+    /// Share of light blocked by facets of textured see-through surfaces: (facet, share), sorted by facet.
+    pub facet_coverage: Vec<(u32, f32)>,
+}
+
+/// A see-through surface that blocks at least this much is opaque.
+pub const OPAQUE_COVERAGE: f32 = 0.99;
+
+/// A surface that blocks less than this does not block.
+pub const CLEAR_COVERAGE: f32 = 0.01;
+
+impl Occluder {
+    /// Share of light that facet number `f` blocks.
+    pub fn coverage(&self, f: u32, facet: &Facet) -> f32 {
+        match self.facet_coverage.binary_search_by_key(&f, |&(facet, _)| facet) {
+            Ok(i) => self.facet_coverage[i].1,
+            Err(_) => self.coverage[facet.surface as usize],
+        }
+    }
+}
+
+/// The hierarchy over all facets: triangle ids are twice the facet's number, plus 1 for a quadrilateral's second half.
+pub fn hierarchy(mesh: &Mesh) -> Hierarchy {
+    let mut triangles = Vec::with_capacity(mesh.facets.len() * 2);
+    let mut filters = Vec::new();
+    for (f, facet) in mesh.facets.iter().enumerate() {
+        let coverage = mesh.occluder.coverage(f as u32, facet);
+        if coverage < CLEAR_COVERAGE {
+            continue;
+        }
+        let c = facet.corners.map(|c| c.to_array());
+        let quad = facet.corners[3] != facet.corners[0];
+        let cutout = mesh.occluder.cutout[facet.surface as usize].filter(|_| facet.base_uv != NONE);
+        for (half, [i, j, k]) in [[0, 1, 2], [0, 2, 3]].into_iter().enumerate().take(1 + usize::from(quad)) {
+            let filter = if let Some(bitmap) = cutout {
+                let uv = mesh.base_uv[facet.base_uv as usize];
+                filters.push(Filter::Cutout {
+                    bitmap: mesh.occluder.bitmaps[bitmap as usize].clone(),
+                    uv: [uv[i], uv[j], uv[k]],
+                });
+                filters.len() as u32 - 1
+            } else if coverage < OPAQUE_COVERAGE {
+                // The halves of a facet screen the same cells.
+                if half == 0 {
+                    filters.push(Filter::Screen { share: coverage, seed: facet.plane.wrapping_mul(0x9e37_79b9) >> 26 });
+                }
+                filters.len() as u32 - 1
+            } else {
+                OPAQUE
+            };
+            let id = 2 * f as u32 + half as u32;
+            triangles.push(Triangle { corners: [c[i], c[j], c[k]], plane: facet.plane, id, filter });
+        }
+    }
+    Hierarchy::build(triangles, filters)
+}

@@ -1,0 +1,132 @@
+//! Patch and element sizes: asked for, or chosen from the scene.
+
+use super::Facet;
+use serde::{Deserialize, Serialize};
+
+/// How fine the defaults are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Quality {
+    /// About 6 thousand elements.
+    Draft,
+    /// About 25 thousand elements.
+    #[default]
+    Normal,
+    /// About 100 thousand elements.
+    High,
+}
+
+impl Quality {
+    /// Elements that a scene of few large faces is cut into.
+    pub fn target_elements(self) -> f64 {
+        match self {
+            Quality::Draft => 6_000.0,
+            Quality::Normal => 25_000.0,
+            Quality::High => 100_000.0,
+        }
+    }
+}
+
+/// Sizes in force, metres.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Sizes {
+    /// Largest edge of a patch.
+    pub patch: f64,
+    /// Largest edge of an element.
+    pub element: f64,
+    /// No side of a facet is cut into more elements than this; larger facets get larger elements.
+    pub facet_limit: u32,
+}
+
+/// Patches are this many elements wide by default: as many as a shooter of 16 cells has cells.
+const ELEMENTS_PER_PATCH: f64 = 4.0;
+
+/// What decides a facet's grid: edge lengths along u and v (for triangles both the effective length), metres.
+pub fn lengths(facet: &Facet) -> [f64; 2] {
+    let c = facet.corners.map(|c| c.as_dvec3());
+    if c[3] == c[0] {
+        // Long thin triangles are cut by their area, lest they fall into square numbers of slivers.
+        let longest = (c[1] - c[0]).length().max((c[2] - c[1]).length()).max((c[0] - c[2]).length());
+        let area = (c[1] - c[0]).cross(c[2] - c[0]).length() / 2.0;
+        [longest.min(3.0 * (2.0 * area).sqrt()); 2]
+    } else {
+        [(c[1] - c[0]).length().max((c[2] - c[3]).length()), (c[3] - c[0]).length().max((c[2] - c[1]).length())]
+    }
+}
+
+/// Parts of a length, none larger than `size`; a relative 1e-6 is forgiven.
+fn parts(length: f64, size: f64) -> f64 {
+    (length / size - 1e-6).ceil().max(1.0)
+}
+
+/// Columns and rows of patches, and of elements in each, for a facet of these [`lengths`].
+pub fn grids(lengths: [f64; 2], sizes: &Sizes) -> ([u16; 2], [u16; 2]) {
+    let grid = |scale: f64| {
+        let patches = lengths.map(|l| parts(l, sizes.patch * scale));
+        let elements = [0, 1].map(|i| parts(lengths[i] / patches[i], sizes.element * scale));
+        (patches, elements)
+    };
+    let mut scale = 1.0;
+    let (mut patches, mut elements) = grid(scale);
+    while patches[0] * patches[1] * elements[0] * elements[1] > f64::from(sizes.facet_limit.max(1))
+        || patches.iter().chain(&elements).any(|&n| n > 65_535.0)
+    {
+        scale *= 1.25;
+        (patches, elements) = grid(scale);
+    }
+    (patches.map(|n| n as u16), elements.map(|n| n as u16))
+}
+
+/// Sizes for the facets of a scene: those asked for, else by quality. The element size is the one at which the facets'
+/// area would give the quality's number of elements, no facet counting for more than an eighth of it, so that a field
+/// outside does not coarsen the room inside.
+pub fn choose(facets: &[Facet], quality: Quality, patch: Option<f64>, element: Option<f64>) -> Sizes {
+    let target = quality.target_elements();
+    let asked = patch.is_some() || element.is_some();
+    let facet_limit = if asked { u32::MAX } else { (target / 8.0) as u32 };
+    let element = element.or(patch.map(|p| p / ELEMENTS_PER_PATCH)).unwrap_or_else(|| {
+        let areas: Vec<f64> = facets
+            .iter()
+            .map(|f| f.frame().area_vector().length() * if f.double_sided() { 2.0 } else { 1.0 })
+            .collect();
+        // Bisection for the size; elements that a facet has anyway (one) do not count.
+        let (mut low, mut high) = (1e-9, 1e9);
+        for _ in 0..100 {
+            let middle = f64::sqrt(low * high);
+            let count: f64 = areas.iter().map(|a| (a / (middle * middle) - 1.0).clamp(0.0, target / 8.0)).sum();
+            if count > target { low = middle } else { high = middle }
+        }
+        round_size(f64::sqrt(low * high))
+    });
+    let patch = patch.unwrap_or(ELEMENTS_PER_PATCH * element).max(element);
+    Sizes { patch, element, facet_limit }
+}
+
+/// Two significant digits: sizes that people can say, and that do not depend on the last bit of an area.
+fn round_size(size: f64) -> f64 {
+    let mut unit = 1e-9;
+    while unit * 99.5 < size {
+        unit *= 10.0;
+    }
+    (size / unit).round() * unit
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_are_cut_into_equal_parts_no_larger_than_asked() {
+        let sizes = Sizes { patch: 1.0, element: 0.25, facet_limit: u32::MAX };
+        assert_eq!(grids([3.0, 2.1], &sizes), ([3, 3], [4, 3]));
+        assert_eq!(grids([0.1, 0.1], &sizes), ([1, 1], [1, 1]));
+        assert_eq!(grids([1.000_000_1, 0.3], &sizes), ([1, 1], [4, 2]));
+    }
+
+    #[test]
+    fn a_limit_coarsens_a_single_facet() {
+        let sizes = Sizes { patch: 1.0, element: 0.25, facet_limit: 1000 };
+        let (patches, elements) = grids([100.0, 100.0], &sizes);
+        let count = u32::from(patches[0]) * u32::from(patches[1]) * u32::from(elements[0]) * u32::from(elements[1]);
+        assert!(count <= 1000 && count > 400);
+    }
+}

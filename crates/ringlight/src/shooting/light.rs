@@ -1,0 +1,93 @@
+//! The light held by clusters: what a rank owns.
+
+use crate::mesh::{Mesh, Patch};
+use crate::quantity::Rgb;
+use bytemuck::{Pod, Zeroable};
+
+/// Light of one element. Irradiance in W/m² or lux.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ElementLight {
+    /// Area average of the irradiance received up to the patch's last own shot.
+    pub shot: Rgb,
+    /// Area average received since then: its reflection is unshot.
+    pub unshot: Rgb,
+    /// Value at the sample point minus area average; differs from 0 near shooters only.
+    pub correction: Rgb,
+}
+
+impl ElementLight {
+    /// Area average of the irradiance.
+    pub fn mean(&self) -> Rgb {
+        std::array::from_fn(|c| self.shot[c] + self.unshot[c])
+    }
+
+    /// Irradiance at the sample point: what is displayed.
+    pub fn at_point(&self) -> Rgb {
+        std::array::from_fn(|c| (self.shot[c] + self.unshot[c] + self.correction[c]).max(0.0))
+    }
+}
+
+/// Light of one patch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PatchLight {
+    /// Unshot power, W or lm, summed over channels.
+    pub unshot_power: f64,
+    /// Whether its own emission has not been shot yet.
+    pub emission_waits: bool,
+}
+
+/// Light of one cluster.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClusterLight {
+    /// One for each element, in order.
+    pub elements: Vec<ElementLight>,
+    /// One for each patch, in order.
+    pub patches: Vec<PatchLight>,
+}
+
+impl ClusterLight {
+    /// Dark, with all emission unshot.
+    pub fn new(mesh: &Mesh, cluster: usize) -> ClusterLight {
+        let cluster = &mesh.clusters[cluster];
+        let mut light = ClusterLight {
+            elements: vec![ElementLight::default(); cluster.elements.len()],
+            patches: Vec::with_capacity(cluster.patches.len()),
+        };
+        for id in cluster.patches.clone() {
+            let patch = mesh.patch(id);
+            let emission_waits = patch.elements().any(|e| mesh.colour(&patch, e).emits());
+            light.patches.push(PatchLight { unshot_power: 0.0, emission_waits });
+            let elements = patch.elements();
+            let first = (elements.start - cluster.elements.start) as usize;
+            let unshot_power = unshot_power(mesh, &patch, &light.elements[first..][..elements.len()], emission_waits);
+            if let Some(last) = light.patches.last_mut() {
+                last.unshot_power = unshot_power;
+            }
+        }
+        light
+    }
+}
+
+/// Unshot radiosity of element `element` over its whole area: ΔB times the share that is free of other geometry.
+pub fn unshot_radiosity(mesh: &Mesh, patch: &Patch, element: u32, light: &ElementLight, emission: bool) -> [f64; 3] {
+    let colour = mesh.colour(patch, element);
+    let share = mesh.valid_share(element);
+    let returned = colour.returned();
+    std::array::from_fn(|c| {
+        let emitted = if emission { f64::from(colour.exitance[c]) } else { 0.0 };
+        share * (f64::from(returned[c]) * f64::from(light.unshot[c]) + emitted)
+    })
+}
+
+/// Unshot power of a patch, W or lm, summed over channels in element order.
+pub fn unshot_power(mesh: &Mesh, patch: &Patch, elements: &[ElementLight], emission: bool) -> f64 {
+    elements
+        .iter()
+        .enumerate()
+        .map(|(k, light)| {
+            let radiosity = unshot_radiosity(mesh, patch, patch.first_element + k as u32, light, emission);
+            patch.element_area(k as u32) * (radiosity[0] + radiosity[1] + radiosity[2])
+        })
+        .sum()
+}
