@@ -3,6 +3,7 @@
 
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene, SceneError, SourceTriangle};
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
@@ -130,4 +131,49 @@ impl Builder {
         document["accessors"] = self.accessors.into();
         glb(&document.to_string(), &self.binary)
     }
+}
+
+/// The smallest PNG: one white texel.
+pub fn tiny_png() -> Vec<u8> {
+    let mut png = Vec::new();
+    let white = image::RgbaImage::from_pixel(1, 1, image::Rgba([255; 4]));
+    white.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png).expect("written");
+    png
+}
+
+/// Corners of the triangle that most scenes here consist of; it faces +z.
+pub const TRIANGLE: [f32; 9] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
+fn merge(mut document: Value, more: Value) -> Value {
+    for (key, value) in more.as_object().expect("an object") {
+        document[key] = value.clone();
+    }
+    document
+}
+
+/// A scene of one triangle under one node; `more` replaces members of the document.
+pub fn one_triangle(more: Value) -> Scene {
+    let mut builder = Builder::default();
+    let position = builder.vectors(&TRIANGLE, 3);
+    let document = json!({
+        "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": position } }] }],
+    });
+    scene_of(builder, merge(document, more))
+}
+
+pub fn scene_of(builder: Builder, document: Value) -> Scene {
+    read("test.glb", &builder.finish(document)).unwrap_or_else(|error| panic!("{error}"))
+}
+
+pub fn all(scene: &Scene) -> Vec<SourceTriangle> {
+    triangles(scene).unwrap_or_else(|error| panic!("{error}")).concat()
+}
+
+pub fn positions(scene: &Scene) -> Vec<[[f64; 3]; 3]> {
+    all(scene).iter().map(|triangle| triangle.position).collect()
+}
+
+pub fn codes(scene: &Scene) -> Vec<&str> {
+    scene.warnings.0.iter().map(|warning| warning.code.as_str()).collect()
 }

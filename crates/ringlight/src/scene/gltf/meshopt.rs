@@ -348,3 +348,6 @@ fn colour<const BYTES: usize>(rows: &mut [u8]) {
 fn round(value: f32) -> i32 {
     (value + if value >= 0.0 { 0.5 } else { -0.5 }) as i32
 }
+
+#[cfg(test)]
+mod tests;
