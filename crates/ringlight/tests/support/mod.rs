@@ -177,3 +177,67 @@ pub fn positions(scene: &Scene) -> Vec<[[f64; 3]; 3]> {
 pub fn codes(scene: &Scene) -> Vec<&str> {
     scene.warnings.0.iter().map(|warning| warning.code.as_str()).collect()
 }
+
+/// A scene with most of what a file can have: a hierarchy, instances, a skin, morph targets, sparse data, textures.
+pub fn document() -> (Builder, Value) {
+    let mut builder = Builder::default();
+    let positions = builder.vectors(&[0., 0., 0., 1., 0., 0., 0., 1., 0., 1., 1., 0.], 3);
+    let indices = builder.rows(&shorts(&[0, 1, 2, 2, 1, 3]), "SCALAR", 5123, 6);
+    let uv = builder.vectors(&[0., 0., 1., 0., 0., 1., 1., 1.], 2);
+    let colours = builder.rows(&[255; 16], "VEC4", 5121, 4);
+    let sparse_indices = builder.view(&shorts(&[1, 3]));
+    let sparse_values = builder.view(&floats(&[0., 0., 1., 0., 0., 2.]));
+    let target = builder.accessor(json!({
+        "componentType": 5126, "count": 4, "type": "VEC3",
+        "sparse": {
+            "count": 2,
+            "indices": { "bufferView": sparse_indices, "componentType": 5123 },
+            "values": { "bufferView": sparse_values },
+        },
+    }));
+    let joints = builder.rows(&[0; 16], "VEC4", 5121, 4);
+    let weights = builder.vectors(&[1., 0., 0., 0.].repeat(4), 4);
+    let inverse = builder.vectors(&[1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.], 16);
+    let translations = builder.vectors(&[0., 0., 0., 5., 0., 0.], 3);
+    let document = json!({
+        "scene": 0,
+        "scenes": [{ "nodes": [0, 2, 3] }],
+        "nodes": [
+            { "children": [1], "scale": [-1, 2, 1] },
+            { "mesh": 0, "extensions":
+                { "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": translations } } } },
+            { "mesh": 1, "skin": 0, "camera": 0 },
+            { "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+        ],
+        "meshes": [
+            { "weights": [0.5], "primitives": [{
+                "attributes": { "POSITION": positions, "TEXCOORD_0": uv, "COLOR_0": colours },
+                "indices": indices, "material": 0, "targets": [{ "POSITION": target }],
+            }] },
+            { "primitives": [{
+                "attributes": { "POSITION": positions, "JOINTS_0": joints, "WEIGHTS_0": weights }, "mode": 5,
+            }] },
+        ],
+        "skins": [{ "joints": [3], "inverseBindMatrices": inverse }],
+        "materials": [{ "alphaMode": "BLEND", "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],
+        "textures": [{ "source": 0, "sampler": 0 }],
+        "samplers": [{}],
+        "images": [{ "uri": "data:image/png;base64,iVBORw0KGgo=" }],
+        "cameras": [{ "type": "perspective", "perspective": { "yfov": 1 } }],
+        "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "point" }] } },
+    });
+    (builder, document)
+}
+
+/// The scene of [`document`] as a GLB.
+pub fn valid() -> Vec<u8> {
+    let (builder, document) = document();
+    builder.finish(document)
+}
+
+/// JSON and binary chunk of a GLB.
+pub fn split(file: &[u8]) -> (Value, Vec<u8>) {
+    let length = u32::from_le_bytes(file[12..16].try_into().expect("four bytes")) as usize;
+    let json = serde_json::from_slice(&file[20..20 + length]).expect("valid JSON");
+    (json, file[28 + length..].to_vec())
+}

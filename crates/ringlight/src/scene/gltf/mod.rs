@@ -1,8 +1,8 @@
 //! Reader for glTF 2.0, as `.gltf` and as `.glb`.
 //!
-//! The way of the data: the container gives a typed [`json`] document; `nodes` resolves the hierarchy; `views` and
+//! The way of the data: the container gives a typed `json` document; `nodes` resolves the hierarchy; `views` and
 //! `accessor` turn buffer views and accessors into checked windows on the file's own bytes; `materials` and `primitives`
-//! check what surfaces need; [`geometry`] reads triangles from those windows whenever they are asked for. Only compressed
+//! check what surfaces need; `geometry` reads triangles from those windows whenever they are asked for. Only compressed
 //! (`meshopt`, `draco`) and base64 data are copied.
 
 mod accessor;

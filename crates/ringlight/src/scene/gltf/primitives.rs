@@ -5,7 +5,7 @@ use super::draco::DracoPrimitive;
 use super::geometry::{Coordinates, Mode, Primitive};
 use super::json;
 use super::materials::{UvSource, UvSources};
-use super::views::Views;
+use super::views::{Views, find};
 use crate::scene::{Place, SceneError, Warnings};
 use std::collections::BTreeMap;
 
@@ -44,12 +44,29 @@ pub(super) fn read(
         return Ok(None);
     }
     let draco = match &source.extensions.draco {
-        Some(draco) => Some(DracoPrimitive::decode(views, draco, &path)?),
         None => None,
+        Some(draco) => match DracoPrimitive::decode(views, draco, &path) {
+            Ok(decoded) => Some(decoded),
+            Err(error) if has_plain_twin(views.document, source) => {
+                warnings.add(
+                    "compressed-twin-ignored",
+                    format!("uncompressed data is read instead: {error}"),
+                    error.place.clone(),
+                );
+                None
+            }
+            Err(error) => return Err(error),
+        },
     };
     // Draco stores a list of triangles whatever the mode says.
     let mode = if draco.is_some() { Mode::List } else { mode };
     Reading { views, warnings, source, path, draco }.finish(mode, material, uv)
+}
+
+/// Whether a compressed primitive is also stored plainly, as files do that do not require Draco.
+fn has_plain_twin(document: &json::Document, source: &json::Primitive) -> bool {
+    let rows = source.attributes.get("POSITION").into_iter().chain(&source.indices);
+    rows.copied().all(|index| find(&document.accessors, index).is_some_and(|accessor| accessor.buffer_view.is_some()))
 }
 
 impl Reading<'_, '_> {
