@@ -16,8 +16,8 @@ use ringlight_visibility::{
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Receivers that a thread takes at a time, as the Embree runner does.
-const JOB: usize = 512;
+/// Receivers that a thread takes at a time.
+const JOB: usize = 4096;
 
 fn main() -> Result<(), Failure> {
     let options = Options::parse(std::env::args().skip(1))?;

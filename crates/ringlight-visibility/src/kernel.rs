@@ -265,21 +265,22 @@ impl<S: Machine> View<S> {
         let [a, b, c] = self.normals(simd, t);
         let (a, b, c) =
             (Self::affine(plan, a, anchor), Self::affine(plan, b, anchor), Self::affine(plan, c, anchor));
-        let [a_bottom, a_top] = a.bounds::<KIND>(simd, plan);
-        let [b_bottom, b_top] = b.bounds::<KIND>(simd, plan);
-        let [c_bottom, c_top] = c.bounds::<KIND>(simd, plan);
-        alive = simd.and_m32s(alive, simd.and_m32s(a_top.not_negative(), b_top.not_negative()));
-        alive = simd.and_m32s(alive, c_top.not_negative());
-        if !any(simd, alive) {
-            return None;
-        }
-        let mut seen = [simd.splat_u32s(plan.all as u32), simd.splat_u32s((plan.all >> 32) as u32)];
-        for (function, bottom) in [(depth, depth_bottom), (a, a_bottom), (b, b_bottom), (c, c_bottom)] {
-            if any(simd, simd.and_m32s(alive, simd.not_m32s(bottom.not_negative()))) {
-                let words = function.words::<KIND, SIDE>(simd, plan);
-                seen = [simd.and_u32s(seen[0], words[0]), simd.and_u32s(seen[1], words[1])];
+        // For few cells the bounds cost more than they save.
+        if plan.count > 16 {
+            for function in [a, b, c] {
+                let [_, top] = function.bounds::<KIND>(simd, plan);
+                alive = simd.and_m32s(alive, top.not_negative());
+            }
+            if !any(simd, alive) {
+                return None;
             }
         }
+        let undecided = any(simd, simd.and_m32s(alive, simd.not_m32s(depth_bottom.not_negative())));
+        let seen = if undecided {
+            words::<S, KIND, SIDE, true>(simd, plan, a, b, c, depth)
+        } else {
+            words::<S, KIND, SIDE, false>(simd, plan, a, b, c, depth)
+        };
         Some(Found { seen, alive, grazing: self.grazing })
     }
 
@@ -349,6 +350,19 @@ struct Affine<S: Machine> {
 }
 
 impl<S: Machine> Affine<S> {
+    /// Minus the value at u = 0.
+    #[inline(always)]
+    fn negative_row(&self, simd: S, v: f32) -> Lanes<S> {
+        (self.base + v * self.v).flip(Lanes::splat(simd, -0.0))
+    }
+
+    /// The value at cell `k`.
+    #[inline(always)]
+    fn at<const KIND: u8>(&self, plan: &Plan, k: usize) -> Lanes<S> {
+        let slope = if KIND == TWISTED { self.u + plan.v[k] * self.w } else { self.u };
+        (self.base + plan.v[k] * self.v) + plan.u[k] * slope
+    }
+
     /// Least and greatest computed value over the cells, or bounds on them. A twisted grid has none: it is not monotone
     /// after rounding, and rare.
     #[inline(always)]
@@ -360,31 +374,55 @@ impl<S: Machine> Affine<S> {
         let (left, right) = (plan.u_range[0] * self.u, plan.u_range[1] * self.u);
         [near.min(far) + left.min(right), near.max(far) + left.max(right)]
     }
+}
 
-    /// The cells for which the function is not negative.
-    #[inline(always)]
-    fn words<const KIND: u8, const SIDE: usize>(&self, simd: S, plan: &Plan) -> [S::u32s; 2] {
-        let mut words = [simd.splat_u32s(0); 2];
-        if SIDE > 0 {
-            let mut columns = [self.u; SIDE];
-            for (i, column) in columns.iter_mut().enumerate() {
-                *column = plan.u[i] * self.u;
-            }
-            for j in 0..SIDE {
-                let row = self.base + plan.v[j * SIDE] * self.v;
-                for (i, &column) in columns.iter().enumerate() {
-                    let k = j * SIDE + i;
-                    let bit = bit_where(simd, (row + column).not_negative(), k);
-                    words[k >> 5] = simd.or_u32s(words[k >> 5], bit);
+/// The cells for which none of the functions is negative, in two words.
+///
+/// The sum of row and column has the sign that comparing the column with the row's negative tells: rounding never
+/// changes a sign.
+#[inline(always)]
+fn words<S: Machine, const KIND: u8, const SIDE: usize, const DEPTH: bool>(
+    simd: S,
+    plan: &Plan,
+    a: Affine<S>,
+    b: Affine<S>,
+    c: Affine<S>,
+    depth: Affine<S>,
+) -> [S::u32s; 2] {
+    let mut words = [simd.splat_u32s(0); 2];
+    if SIDE > 0 {
+        let mut columns = [[a.u; 4]; SIDE];
+        for i in 0..SIDE {
+            columns[i] = [plan.u[i] * a.u, plan.u[i] * b.u, plan.u[i] * c.u, plan.u[i] * depth.u];
+        }
+        let rows_in_word = if SIDE == 8 { 4 } else { SIDE };
+        for w in 0..SIDE / rows_in_word {
+            let mut bit = simd.splat_u32s(1);
+            for j in w * rows_in_word..(w + 1) * rows_in_word {
+                let v = plan.v[j * SIDE];
+                let (a, b, c, depth) = (a.negative_row(simd, v), b.negative_row(simd, v), c.negative_row(simd, v), depth.negative_row(simd, v));
+                for i in 0..SIDE {
+                    let mut pass = columns[i][0].at_least(a);
+                    pass = simd.and_m32s(pass, columns[i][1].at_least(b));
+                    pass = simd.and_m32s(pass, columns[i][2].at_least(c));
+                    if DEPTH {
+                        pass = simd.and_m32s(pass, columns[i][3].at_least(depth));
+                    }
+                    words[w] = simd.or_u32s(words[w], simd.select_u32s(pass, bit, simd.splat_u32s(0)));
+                    bit = simd.add_u32s(bit, bit);
                 }
             }
-        } else {
-            for k in 0..plan.count {
-                let slope = if KIND == TWISTED { self.u + plan.v[k] * self.w } else { self.u };
-                let value = (self.base + plan.v[k] * self.v) + plan.u[k] * slope;
-                words[k >> 5] = simd.or_u32s(words[k >> 5], bit_where(simd, value.not_negative(), k));
-            }
         }
-        words
+    } else {
+        for k in 0..plan.count {
+            let mut pass = a.at::<KIND>(plan, k).not_negative();
+            pass = simd.and_m32s(pass, b.at::<KIND>(plan, k).not_negative());
+            pass = simd.and_m32s(pass, c.at::<KIND>(plan, k).not_negative());
+            if DEPTH {
+                pass = simd.and_m32s(pass, depth.at::<KIND>(plan, k).not_negative());
+            }
+            words[k >> 5] = simd.or_u32s(words[k >> 5], bit_where(simd, pass, k));
+        }
     }
+    words
 }

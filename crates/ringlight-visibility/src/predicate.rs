@@ -79,16 +79,10 @@ pub(crate) struct Prepared {
 impl Prepared {
     #[inline(always)]
     pub fn new(triangle: &Triangle) -> Prepared {
-        let [mut a, mut b, mut c] = triangle.corners;
-        if before(b, a) {
-            (a, b) = (b, a);
-        }
-        if before(c, b) {
-            (b, c) = (c, b);
-            if before(b, a) {
-                (a, b) = (b, a);
-            }
-        }
+        // Sorted without branches, which would be mispredicted: the three comparisons name the permutation.
+        let [a, b, c] = triangle.corners;
+        let order = usize::from(before(a, b)) | usize::from(before(b, c)) << 1 | usize::from(before(a, c)) << 2;
+        let [a, b, c] = ORDERS[order].map(|i| triangle.corners[i as usize]);
         let edges = [sub(b, a), sub(c, b), sub(c, a)];
         let squared = edges.iter().map(|&e| dot(e, e)).fold(0.0, f32::max);
         Prepared {
@@ -139,10 +133,15 @@ impl Prepared {
     }
 }
 
-/// The order of coordinates, x first; equal points are in either order.
+/// The corners' order for the answers a < b, b < c, a < c (bits 0 to 2). The answers of 3 and 4 contradict each other
+/// but for equal points, which make slivers.
+const ORDERS: [[u8; 3]; 8] =
+    [[2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 1, 2], [0, 1, 2], [0, 2, 1], [1, 0, 2], [0, 1, 2]];
+
+/// The order of coordinates, x first; equal points are not before each other.
 #[inline(always)]
 fn before(p: Vector, q: Vector) -> bool {
-    p[0] < q[0] || p[0] == q[0] && (p[1] < q[1] || p[1] == q[1] && p[2] < q[2])
+    (p[0] < q[0]) | ((p[0] == q[0]) & ((p[1] < q[1]) | ((p[1] == q[1]) & (p[2] < q[2]))))
 }
 
 /// Whether the triangle is too thin or not finite, so that it blocks nothing. A rule of the triangle alone.
