@@ -21,9 +21,19 @@ impl Task for Clear<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> Tally {
-        let Clear { hierarchy, plan, points, masks } = self;
+        let Clear {
+            hierarchy,
+            plan,
+            points,
+            masks,
+        } = self;
         let mut tally = Tally::default();
-        let mut search = Search { hierarchy, plan, last_blocker: None, tested: false };
+        let mut search = Search {
+            hierarchy,
+            plan,
+            last_blocker: None,
+            tested: false,
+        };
         for numbers in in_packets(points).chunks(PACKET) {
             let mut packet = pack(plan, points, numbers, masks);
             let mut idle = 0;
@@ -35,7 +45,11 @@ impl Task for Clear<'_> {
             search.tested = false;
             search.descend(machine, &mut packet);
             tally.masks += numbers.len() as u64;
-            tally.masks_without_rays += if search.tested { idle } else { numbers.len() as u64 };
+            tally.masks_without_rays += if search.tested {
+                idle
+            } else {
+                numbers.len() as u64
+            };
             for (lane, &number) in numbers.iter().enumerate() {
                 let mask = &mut masks[number as u32 as usize];
                 *mask = (*mask & !plan.all) | packet.mask(lane);
@@ -58,7 +72,8 @@ fn in_packets(points: Points) -> Vec<u64> {
         let scale = 1023.0 / scale;
         for (i, number) in numbers.iter_mut().enumerate() {
             // The cast saturates, and takes NaN to 0.
-            let [x, y, z] = std::array::from_fn(|a| spread(((points.at(i)[a] - low[a]) * scale) as u32));
+            let [x, y, z] =
+                std::array::from_fn(|a| spread(((points.at(i)[a] - low[a]) * scale) as u32));
             *number |= u64::from(x | y << 1 | z << 2) << 32;
         }
         numbers.sort_unstable();
@@ -91,7 +106,14 @@ fn pack(plan: &Plan, points: Points, numbers: &[u64], masks: &[u64]) -> Packet {
         [packet.x[lane], packet.y[lane], packet.z[lane]] = x;
         packet.reach[lane] = plan.reach(x);
         packet.plane[lane] = points.plane[i];
-        packet.set_mask(lane, if lane < numbers.len() { masks[i] & plan.all } else { 0 });
+        packet.set_mask(
+            lane,
+            if lane < numbers.len() {
+                masks[i] & plan.all
+            } else {
+                0
+            },
+        );
     }
     packet
 }
@@ -168,9 +190,15 @@ impl Search<'_> {
         let cutout = if triangle.filter == OPAQUE {
             None
         } else {
-            Some(&hierarchy.filters[triangle.filter as usize]).filter(|f| matches!(f, Filter::Cutout { .. }))
+            Some(&hierarchy.filters[triangle.filter as usize])
+                .filter(|f| matches!(f, Filter::Cutout { .. }))
         };
-        let candidate = Candidate { triangle, prepared: Prepared::new(triangle), cells, cutout };
+        let candidate = Candidate {
+            triangle,
+            prepared: Prepared::new(triangle),
+            cells,
+            cutout,
+        };
         let blocked = packet.clear(machine, plan, &candidate);
         if blocked {
             self.last_blocker = Some(index);

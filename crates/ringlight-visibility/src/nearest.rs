@@ -22,7 +22,13 @@ impl Task for Nearest<'_> {
         if hierarchy.nodes.is_empty() {
             return None;
         }
-        let inverse = ray.direction.map(|d| if d.abs() > 1e-30 { 1.0 / d } else { 1e30f32.copysign(d) });
+        let inverse = ray.direction.map(|d| {
+            if d.abs() > 1e-30 {
+                1.0 / d
+            } else {
+                1e30f32.copysign(d)
+            }
+        });
         let mut stack = [(0.0f32, Child::ROOT); STACK];
         let mut height = 1;
         while height > 0 {
@@ -37,7 +43,8 @@ impl Task for Nearest<'_> {
                         if triangle.plane == ray.plane && ray.plane != NO_PLANE {
                             continue;
                         }
-                        if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
+                        if let Some(hit) =
+                            ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
                             && is_nearer(&hit, &best)
                         {
                             best = Some(hit);
@@ -95,12 +102,16 @@ fn passed<M: Machine>(
         let mut enter = Lanes::splat(machine, 0.0);
         let mut leave = Lanes::splat(machine, far);
         for i in 0..3 {
-            let (s, t) = ((low[i] - margin) * inverse[i], (high[i] + margin) * inverse[i]);
+            let (s, t) = (
+                (low[i] - margin) * inverse[i],
+                (high[i] + margin) * inverse[i],
+            );
             enter = enter.max(s.min(t));
             leave = leave.min(s.max(t));
         }
         let filled = high[0].at_least(low[0]);
-        bits |= machine.bits(machine.and_m32s(filled, leave.at_least(enter))) << (chunk * M::F32_LANES);
+        bits |=
+            machine.bits(machine.and_m32s(filled, leave.at_least(enter))) << (chunk * M::F32_LANES);
         M::as_mut_simd_f32s(&mut enters).0[chunk] = enter.value;
     }
     (bits, enters)

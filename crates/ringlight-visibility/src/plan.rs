@@ -52,7 +52,10 @@ pub(crate) struct Plan {
 impl Plan {
     pub fn new(shooter: &Shooter) -> Plan {
         let count = shooter.cells.len();
-        assert!((1..=MAX_CELLS).contains(&count), "a shooter has 1 to {MAX_CELLS} cells, not {count}");
+        assert!(
+            (1..=MAX_CELLS).contains(&count),
+            "a shooter has 1 to {MAX_CELLS} cells, not {count}"
+        );
         let mut plan = Plan {
             kind: Kind::Points,
             side: 0,
@@ -75,7 +78,11 @@ impl Plan {
         };
         match &shooter.cells {
             Cells::Grid(grid) => {
-                plan.kind = if grid.twist == [0.0; 3] { Kind::Grid } else { Kind::TwistedGrid };
+                plan.kind = if grid.twist == [0.0; 3] {
+                    Kind::Grid
+                } else {
+                    Kind::TwistedGrid
+                };
                 if grid.layout == Layout::Quad && plan.kind == Kind::Grid {
                     plan.side = grid.side as usize;
                 }
@@ -83,7 +90,12 @@ impl Plan {
                     plan.cells[k] = grid.point(k);
                     [plan.u[k], plan.v[k]] = grid.layout.centre(grid.side, k);
                 }
-                let range = |t: &[f32]| [t.iter().copied().fold(1.0, f32::min), t.iter().copied().fold(0.0, f32::max)];
+                let range = |t: &[f32]| {
+                    [
+                        t.iter().copied().fold(1.0, f32::min),
+                        t.iter().copied().fold(0.0, f32::max),
+                    ]
+                };
                 plan.u_range = range(&plan.u[..count]);
                 plan.v_range = range(&plan.v[..count]);
                 (plan.anchor, plan.edge_u, plan.edge_v, plan.twist) =
@@ -94,7 +106,9 @@ impl Plan {
                 plan.cells[..count].copy_from_slice(cells);
                 let (low, high) = around(cells);
                 plan.anchor = std::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]);
-                plan.half = std::array::from_fn(|i| (high[i] - plan.anchor[i]).max(plan.anchor[i] - low[i]) * 1.00001);
+                plan.half = std::array::from_fn(|i| {
+                    (high[i] - plan.anchor[i]).max(plan.anchor[i] - low[i]) * 1.00001
+                });
                 plan.spread = norm(plan.half);
                 if matches!(shooter.cells, Cells::Directions(_)) {
                     plan.kind = Kind::Directions;
@@ -109,23 +123,39 @@ impl Plan {
     /// Bound on the distance from `x` to any cell; for directions, on their length.
     #[inline(always)]
     pub fn reach(&self, x: Vector) -> f32 {
-        if self.kind == Kind::Directions { norm(self.anchor) + self.spread } else { norm(sub(self.anchor, x)) + self.spread }
+        if self.kind == Kind::Directions {
+            norm(self.anchor) + self.spread
+        } else {
+            norm(sub(self.anchor, x)) + self.spread
+        }
     }
 
     /// From `x` to cell `k`.
     #[inline(always)]
     fn towards(&self, x: Vector, k: usize) -> Vector {
-        if self.kind == Kind::Directions { self.cells[k] } else { sub(self.cells[k], x) }
+        if self.kind == Kind::Directions {
+            self.cells[k]
+        } else {
+            sub(self.cells[k], x)
+        }
     }
 
-    /// n·(c−x) for cell `k`.
+    /// n·(c−x) + allowance for cell `k`.
     #[inline(always)]
-    pub fn along(&self, n: Vector, x: Vector, k: usize) -> f32 {
+    pub fn along(&self, n: Vector, x: Vector, k: usize, allowance: f32) -> f32 {
         match self.kind {
-            Kind::Points | Kind::Directions => dot(n, self.towards(x, k)),
+            Kind::Points | Kind::Directions => dot(n, self.towards(x, k)) + allowance,
             Kind::Grid | Kind::TwistedGrid => {
-                let base = dot(n, sub(self.anchor, x));
-                self.affine([base, dot(n, self.edge_u), dot(n, self.edge_v), dot(n, self.twist)], k)
+                let base = dot(n, sub(self.anchor, x)) + allowance;
+                self.affine(
+                    [
+                        base,
+                        dot(n, self.edge_u),
+                        dot(n, self.edge_v),
+                        dot(n, self.twist),
+                    ],
+                    k,
+                )
             }
         }
     }
@@ -140,7 +170,8 @@ impl Plan {
             Kind::Points => scale * dot(t.normal, self.towards(x, k)) - height.abs(),
             Kind::Grid | Kind::TwistedGrid => {
                 let base = scale * dot(t.normal, sub(self.anchor, x)) - height.abs();
-                let slopes = [self.edge_u, self.edge_v, self.twist].map(|edge| scale * dot(t.normal, edge));
+                let slopes =
+                    [self.edge_u, self.edge_v, self.twist].map(|edge| scale * dot(t.normal, edge));
                 self.affine([base, slopes[0], slopes[1], slopes[2]], k)
             }
         }
@@ -149,7 +180,11 @@ impl Plan {
     /// base + v·b + u·a + u·v·w, rows first, so that in an untwisted grid row and column terms are added once each.
     #[inline(always)]
     fn affine(&self, [base, a, b, w]: [f32; 4], k: usize) -> f32 {
-        let slope = if self.kind == Kind::TwistedGrid { a + self.v[k] * w } else { a };
+        let slope = if self.kind == Kind::TwistedGrid {
+            a + self.v[k] * w
+        } else {
+            a
+        };
         (base + self.v[k] * b) + self.u[k] * slope
     }
 
@@ -160,7 +195,10 @@ impl Plan {
                 let rise = 1f32.copysign(height) * dot(t.normal, self.cells[k]);
                 rise < t.grazing * self.reach(x)
             }
-            _ => height.abs() < t.grazing * ((norm(sub(t.corners[0], x)) + t.longest) + self.reach(x)),
+            _ => {
+                height.abs()
+                    < t.grazing * ((norm(sub(t.corners[0], x)) + t.longest) + self.reach(x))
+            }
         }
     }
 
@@ -177,13 +215,21 @@ impl Plan {
 
 /// The greatest distance (in the sum of coordinates) from `x` to a corner.
 pub(crate) fn distance(t: &Prepared, x: Vector) -> f32 {
-    t.corners.iter().map(|&c| norm(sub(c, x))).fold(0.0, f32::max)
+    t.corners
+        .iter()
+        .map(|&c| norm(sub(c, x)))
+        .fold(0.0, f32::max)
 }
 
 /// Box around points.
 fn around(points: &[Vector]) -> (Vector, Vector) {
     (
         std::array::from_fn(|i| points.iter().map(|p| p[i]).fold(f32::INFINITY, f32::min)),
-        std::array::from_fn(|i| points.iter().map(|p| p[i]).fold(f32::NEG_INFINITY, f32::max)),
+        std::array::from_fn(|i| {
+            points
+                .iter()
+                .map(|p| p[i])
+                .fold(f32::NEG_INFINITY, f32::max)
+        }),
     )
 }

@@ -27,7 +27,11 @@ pub fn clear_blocked(
         if exempt(shooter.plane) {
             continue;
         }
-        for (i, mask) in masks.iter_mut().enumerate().filter(|&(i, _)| !exempt(points.plane[i])) {
+        for (i, mask) in masks
+            .iter_mut()
+            .enumerate()
+            .filter(|&(i, _)| !exempt(points.plane[i]))
+        {
             for k in (0..plan.count).filter(|&k| candidate.blocks(&plan, points.at(i), k)) {
                 *mask &= !(1 << k);
             }
