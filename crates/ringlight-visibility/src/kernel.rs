@@ -58,6 +58,14 @@ impl Packet {
         (self.words[0][lane], self.words[1][lane]) = (mask as u32, (mask >> 32) as u32);
     }
 
+    /// The cells that any receiver still sees.
+    #[inline(always)]
+    pub fn union(&self) -> u64 {
+        let [low, high] = [&self.words[0], &self.words[1]]
+            .map(|words| words.iter().fold(0, |all, word| all | word));
+        u64::from(low) | u64::from(high) << 32
+    }
+
     /// The lanes that still see something, as bits.
     #[inline(always)]
     pub fn unfinished<S: Machine>(&self, simd: S) -> u32 {

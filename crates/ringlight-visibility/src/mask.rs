@@ -140,7 +140,8 @@ impl Search<'_> {
                 unfinished = packet.unfinished(machine);
             }
         }
-        let mut in_shaft = unfinished.count_ones();
+        let mut in_shaft = (unfinished.count_ones(), packet.union().count_ones());
+        let mut cleared = false;
         let mut stack = [0u32; STACK];
         let mut height = 1;
         while height > 0 {
@@ -159,6 +160,7 @@ impl Search<'_> {
                     Target::Triangles(range) => {
                         for index in range {
                             if self.test(machine, packet, index) {
+                                cleared = true;
                                 unfinished = packet.unfinished(machine);
                                 if unfinished == 0 {
                                     return;
@@ -170,9 +172,14 @@ impl Search<'_> {
             }
             // The largest child was found first and is to be visited first.
             stack[above..height].reverse();
-            if 2 * unfinished.count_ones() <= in_shaft {
-                shaft = Shaft::new(self.plan, packet, unfinished, &self.hierarchy.bounds);
-                in_shaft = unfinished.count_ones();
+            // A narrower shaft, once it is for much fewer receivers or cells.
+            if cleared {
+                cleared = false;
+                let size = (unfinished.count_ones(), packet.union().count_ones());
+                if 2 * size.0 <= in_shaft.0 || 4 * size.1 <= 3 * in_shaft.1 {
+                    shaft = Shaft::new(self.plan, packet, unfinished, &self.hierarchy.bounds);
+                    in_shaft = size;
+                }
             }
         }
     }

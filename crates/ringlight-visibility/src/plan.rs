@@ -42,8 +42,6 @@ pub(crate) struct Plan {
     pub half: Vector,
     /// No cell is farther (in the sum of coordinates) from the anchor than this.
     pub spread: f32,
-    /// Box around the cells.
-    pub bounds: (Vector, Vector),
     /// Share of the way that counts; 1 for directions.
     pub far: f32,
     pub plane: u32,
@@ -72,7 +70,6 @@ impl Plan {
             twist: [0.0; 3],
             half: [0.0; 3],
             spread: 0.0,
-            bounds: ([0.0; 3], [0.0; 3]),
             far: shooter.far,
             plane: shooter.plane,
         };
@@ -116,7 +113,6 @@ impl Plan {
                 }
             }
         }
-        plan.bounds = around(&plan.cells[..count]);
         plan
     }
 
