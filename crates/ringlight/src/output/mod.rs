@@ -1,7 +1,11 @@
 //! Lit models, pictures, tables, reports.
 
+mod ambient;
 mod exposure;
+mod gltf;
 mod smooth;
 
+pub use ambient::ambient;
 pub use exposure::Exposure;
+pub use gltf::{LitOptions, LitReport, write_glb, write_gltf};
 pub use smooth::Smooth;
