@@ -2,6 +2,8 @@
 
 mod ambient;
 mod exposure;
+#[cfg(test)]
+mod fixture;
 mod gltf;
 mod smooth;
 

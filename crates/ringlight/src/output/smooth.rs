@@ -15,6 +15,8 @@ mod field;
 mod fill;
 pub(in crate::output) mod lattice;
 mod places;
+#[cfg(test)]
+mod tests;
 mod walls;
 
 use crate::mesh::Frame;

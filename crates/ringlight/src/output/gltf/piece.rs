@@ -136,7 +136,8 @@ fn displayed(lit: &Lit<'_>, facet: &Facet, colour: &Colour, light: Rgb, look: &L
                 Some(None) => reflected + colour.exitance[c],
                 // The texture shows the emission; the little that is reflected brightens it.
                 Some(Some(emission)) => {
-                    let brighter = if colour.exitance[c] > 0.0 { (reflected / colour.exitance[c]).min(1.0) } else { 0.0 };
+                    let brighter =
+                        if colour.exitance[c] > 0.0 { (reflected / colour.exitance[c]).min(1.0) } else { 0.0 };
                     std::f32::consts::PI * emission[c] * (1.0 + brighter)
                 }
             }
