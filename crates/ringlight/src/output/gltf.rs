@@ -8,6 +8,8 @@ mod look;
 mod model;
 mod nodes;
 mod piece;
+#[cfg(test)]
+mod tests;
 mod texture;
 
 use super::{Exposure, Smooth, ambient};
