@@ -64,6 +64,9 @@ impl<'a> Model<'a> {
                 }
             }
         }
+        if model.primitives.is_empty() {
+            return Err(io::Error::other("no triangle is large enough to be written as glTF"));
+        }
         Ok(model)
     }
 
