@@ -1,6 +1,9 @@
 //! The bounding volume hierarchy and the two primitives over it.
 
-use crate::{Cells, Filter, Points, Shooter, Triangle};
+use crate::build::{Bounds, Node, build};
+use crate::plan::Plan;
+use crate::predicate::is_sliver;
+use crate::{Filter, InstructionSet, OPAQUE, Points, Shooter, Triangle, mask, nearest};
 
 /// Counts of work done, for reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,85 +47,93 @@ pub struct Hit {
 /// Occluders, ordered for search.
 #[derive(Debug)]
 pub struct Hierarchy {
-    triangles: Vec<Triangle>,
-    filters: Vec<Filter>,
+    pub(crate) triangles: Vec<Triangle>,
+    pub(crate) filters: Vec<Filter>,
+    /// [`Filter::cells`] of every filter for the usual numbers of cells, see [`Hierarchy::blocked_cells`].
+    screens: Vec<[u64; USUAL_COUNTS.len()]>,
+    pub(crate) nodes: Vec<Node>,
+    pub(crate) bounds: Bounds,
+    slivers: usize,
+    instruction_set: InstructionSet,
 }
+
+/// Cells of the shooters that screens are made ready for.
+const USUAL_COUNTS: [usize; 4] = [1, 4, 16, 64];
 
 impl Hierarchy {
     /// Orders `triangles`; `filters` are what [`Triangle::filter`] points into.
-    pub fn build(triangles: Vec<Triangle>, filters: Vec<Filter>) -> Hierarchy {
-        Hierarchy { triangles, filters }
+    ///
+    /// Slivers (doubled area below 2⁻¹⁷ of the longest edge squared) and triangles that are not finite are left out. The
+    /// result does not depend on the number of threads. Coordinates and extents are to stay below 1e9.
+    pub fn build(mut triangles: Vec<Triangle>, filters: Vec<Filter>) -> Hierarchy {
+        let given = triangles.len();
+        triangles.retain(|t| !is_sliver(t));
+        let slivers = given - triangles.len();
+        let screens = filters.iter().map(|f| USUAL_COUNTS.map(|count| f.cells(count))).collect();
+        let (nodes, bounds) = build(&mut triangles);
+        let instruction_set = InstructionSet::best();
+        Hierarchy { triangles, filters, screens, nodes, bounds, slivers, instruction_set }
+    }
+
+    /// Uses the given vector instructions instead of the best ones; the results are the same.
+    pub fn with_instruction_set(mut self, set: InstructionSet) -> Hierarchy {
+        self.instruction_set = set;
+        self
     }
 
     /// Clears in `masks[i]` the bits of the cells that occluders hide from `points` i.
+    ///
+    /// Runs on the calling thread, and fastest when points that follow each other are near each other.
     pub fn clear_blocked(&self, shooter: &Shooter, points: Points<'_>, masks: &mut [u64]) -> Tally {
-        let cells: Vec<[f32; 3]> = match &shooter.cells {
-            Cells::Grid(grid) => (0..grid.len()).map(|k| grid.point(k)).collect(),
-            Cells::Points(p) | Cells::Directions(p) => p.clone(),
-        };
-        let infinite = matches!(shooter.cells, Cells::Directions(_));
-        let mut tally = Tally::default();
-        for (i, mask) in masks.iter_mut().enumerate() {
-            tally.masks += 1;
-            tally.rays += u64::from(mask.count_ones());
-            for (k, cell) in cells.iter().enumerate() {
-                if *mask >> k & 1 == 0 {
-                    continue;
-                }
-                let x = points.at(i);
-                let direction = if infinite { *cell } else { std::array::from_fn(|a| cell[a] - x[a]) };
-                let far = if infinite { f32::INFINITY } else { shooter.far };
-                let blocked = self.triangles.iter().any(|t| {
-                    t.plane != shooter.plane
-                        && t.plane != points.plane[i]
-                        && (t.filter == crate::OPAQUE
-                            || self.filters[t.filter as usize].cells(cells.len()) >> k & 1 == 1)
-                        && hit(t, x, direction).is_some_and(|h| h.distance > 0.0 && h.distance <= far)
-                });
-                if blocked {
-                    *mask &= !(1 << k);
-                }
-            }
+        assert!(
+            [points.y.len(), points.z.len(), points.plane.len(), masks.len()].iter().all(|&n| n == points.len()),
+            "coordinates, planes and masks must be as many as the points"
+        );
+        if shooter.cells.is_empty() {
+            let masks = masks.len() as u64;
+            return Tally { rays: 0, masks, masks_without_rays: masks };
         }
-        tally
+        let plan = Plan::new(shooter);
+        self.instruction_set.run(mask::Clear { hierarchy: self, plan: &plan, points, masks })
     }
 
     /// The nearest hit of `ray`; cutouts let it through their holes, screens are hit.
     pub fn nearest_hit(&self, ray: &Ray) -> Option<Hit> {
-        let mut best: Option<Hit> = None;
-        for t in &self.triangles {
-            if t.plane == ray.plane && ray.plane != crate::NO_PLANE {
-                continue;
-            }
-            if let Some(h) = hit(t, ray.origin, ray.direction)
-                && h.distance > ray.near
-                && h.distance <= ray.far
-                && best.is_none_or(|b| (h.distance, h.triangle) < (b.distance, b.triangle))
-            {
-                best = Some(h);
-            }
-        }
-        best
+        self.nearest_hit_where(ray, |_| true)
     }
-}
 
-fn hit(t: &Triangle, x: [f32; 3], d: [f32; 3]) -> Option<Hit> {
-    let sub = |a: [f32; 3], b: [f32; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    let cross =
-        |a: [f32; 3], b: [f32; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    let [a, b, c] = t.corners;
-    let n = cross(sub(b, a), sub(c, a));
-    let den = dot(n, d);
-    if den == 0.0 {
-        return None;
+    /// The nearest hit among the triangles that `accept` takes.
+    pub fn nearest_hit_where(&self, ray: &Ray, accept: impl Fn(&Triangle) -> bool) -> Option<Hit> {
+        self.instruction_set.run(nearest::Nearest { hierarchy: self, ray, accept })
     }
-    let edge = |p: [f32; 3], q: [f32; 3]| dot(cross(sub(p, x), sub(q, p)), d);
-    let e = [edge(b, c), edge(c, a), edge(a, b)];
-    if !(e.iter().all(|&e| e >= 0.0) || e.iter().all(|&e| e <= 0.0)) {
-        return None;
+
+    /// The triangles, in the hierarchy's order, without the slivers.
+    pub fn triangles(&self) -> &[Triangle] {
+        &self.triangles
     }
-    let sum = e[0] + e[1] + e[2];
-    let barycentric = if sum == 0.0 { [0.0, 0.0] } else { [e[1] / sum, e[2] / sum] };
-    Some(Hit { distance: dot(n, sub(a, x)) / den, triangle: t.id, barycentric, front: den < 0.0 })
+
+    /// Number of triangles left out by [`Hierarchy::build`].
+    pub fn slivers(&self) -> usize {
+        self.slivers
+    }
+
+    /// Memory held, in bytes, triangles included and bitmaps not.
+    pub fn hierarchy_bytes(&self) -> usize {
+        self.triangles.capacity() * size_of::<Triangle>()
+            + self.nodes.capacity() * size_of::<Node>()
+            + self.filters.capacity() * size_of::<Filter>()
+            + self.screens.capacity() * size_of::<[u64; USUAL_COUNTS.len()]>()
+    }
+
+    /// The cells of a shooter that a triangle with this filter may block.
+    #[inline(always)]
+    pub(crate) fn blocked_cells(&self, plan: &Plan, filter: u32) -> u64 {
+        if filter == OPAQUE {
+            return plan.all;
+        }
+        match USUAL_COUNTS.iter().position(|&count| count == plan.count) {
+            Some(i) => self.screens[filter as usize][i],
+            None => self.filters[filter as usize].cells(plan.count),
+        }
+    }
 }

@@ -7,12 +7,24 @@
 //! This crate knows no light and no ranks. Coordinates are `f32`, in metres, near the origin (the caller subtracts the
 //! scene's centre).
 
+#![forbid(unsafe_code)]
+
+mod build;
 mod hierarchy;
+mod instruction_set;
+mod kernel;
+mod lanes;
+mod mask;
+mod nearest;
+mod plan;
 mod predicate;
+pub mod reference;
+mod shaft;
 mod shooter;
 mod triangle;
 
 pub use hierarchy::{Hierarchy, Hit, Ray, Tally};
+pub use instruction_set::InstructionSet;
 pub use shooter::{Cells, Grid, Layout, Shooter};
 pub use triangle::{Bitmap, Filter, Triangle};
 

@@ -63,15 +63,28 @@ impl Filter {
             Filter::Cutout { .. } => all,
             Filter::Screen { share, seed } => {
                 // Bit-reversed order of the cell number spreads any share evenly over a grid whose side is a power of
-                // two; the seed permutes it by exclusive or, which keeps it a permutation.
-                let bits = count.trailing_zeros();
+                // two; the seed permutes it by exclusive or, which keeps it a permutation. Other counts take the first
+                // `count` numbers of the next power of two and block by rank.
+                let size = count.next_power_of_two() as u32;
+                let bits = size.trailing_zeros();
+                let key = |k: u32| if bits == 0 { 0 } else { (k ^ (seed % size)).reverse_bits() >> (32 - bits) };
                 (0..count as u32)
                     .filter(|&k| {
-                        let spread =
-                            if bits == 0 { 0 } else { (k ^ seed % count as u32).reverse_bits() >> (32 - bits) };
-                        (spread as f32 + 0.5) / (count as f32) < share
+                        let rank = (0..count as u32).filter(|&other| key(other) < key(k)).count();
+                        (rank as f32 + 0.5) / (count as f32) < share
                     })
                     .fold(0, |mask, k| mask | 1 << k)
+            }
+        }
+    }
+
+    /// Whether the triangle blocks at a point with these barycentric weights.
+    pub(crate) fn blocks_at(&self, weights: [f32; 3]) -> bool {
+        match self {
+            Filter::Screen { .. } => true,
+            Filter::Cutout { bitmap, uv } => {
+                let at = |i: usize| (weights[0] * uv[0][i] + weights[1] * uv[1][i]) + weights[2] * uv[2][i];
+                bitmap.blocks([at(0), at(1)])
             }
         }
     }

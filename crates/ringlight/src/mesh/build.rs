@@ -73,7 +73,7 @@ pub fn build(scene: &Scene, options: &MeshOptions) -> Result<Mesh, SceneError> {
     mesh.facets = order.iter().map(|&f| mesh.facets[f as usize]).collect();
     cluster::number(&mut mesh, &groups, double_sided);
     mesh.valid = vec![super::ALL_VALID; total as usize];
-    super::colour::assign(&mut mesh, scene)?;
+    super::colour::assign(&mut mesh, scene);
     Ok(mesh)
 }
 

@@ -1,7 +1,14 @@
 //! Reflectance, emission and coverage of elements: averages of factors, textures and vertex colours.
 
-use crate::quantity::Rgb;
+use super::{Facet, Frame, Mesh, NONE, OPAQUE_COVERAGE};
+use crate::quantity::{MAX_REFLECTANCE, Rgb};
+use crate::scene::texture::TextureImage;
+use crate::scene::{Alpha, Material, Scene, Texture};
 use bytemuck::{Pod, Zeroable};
+use glam::{DVec2, Vec2, Vec4};
+use rayon::prelude::*;
+use ringlight_visibility::{Bitmap, Layout};
+use std::sync::Arc;
 
 /// What an element does with light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -27,8 +34,253 @@ impl Colour {
     }
 }
 
-/// Finds the colours of all surfaces and elements.
-pub fn assign(mesh: &mut super::Mesh, scene: &crate::scene::Scene) -> Result<(), crate::scene::SceneError> {
-    let _ = (mesh, scene);
-    Ok(())
+/// Finds the colours of all surfaces and elements, decoding one image at a time.
+pub fn assign(mesh: &mut Mesh, scene: &Scene) {
+    let material = |f: &Facet| &scene.materials[scene.surfaces[f.surface as usize].material as usize];
+    mesh.surface_colours = scene.surfaces.iter().map(|s| plain(&scene.materials[s.material as usize])).collect();
+    mesh.occluder.coverage = mesh.surface_colours.iter().map(|c| c.coverage).collect();
+    mesh.occluder.cutout = vec![None; scene.surfaces.len()];
+    store_varying(mesh, material);
+    for (number, image) in scene.images.iter().enumerate() {
+        let uses = |t: &Option<Texture>| t.is_some_and(|t| t.image as usize == number);
+        if !scene.materials.iter().any(|m| uses(&m.base_texture) || uses(&m.emission_texture)) {
+            continue;
+        }
+        match TextureImage::decode(image) {
+            Err(error) => mesh.warnings.add(
+                "unreadable-texture",
+                format!("images that cannot be decoded are left out ({})", error.found),
+                error.place,
+            ),
+            Ok(decoded) => {
+                multiply(mesh, scene, &decoded, |m| m.base_texture.filter(|t| t.image as usize == number));
+                multiply_emission(mesh, scene, &decoded, number);
+            }
+        }
+    }
+    limit(mesh, scene);
 }
+
+/// The colour of a material without its textures.
+fn plain(material: &Material) -> Colour {
+    let [r, g, b, a] = material.base_colour;
+    let alpha = match material.alpha {
+        Alpha::Opaque => 1.0,
+        Alpha::Mask(cutoff) if material.base_texture.is_none() => f32::from(a >= cutoff),
+        // The texture's own share is multiplied later.
+        Alpha::Mask(_) => 1.0,
+        Alpha::Blend => a.clamp(0.0, 1.0),
+    };
+    Colour {
+        reflectance: [r, g, b].map(|x| x.max(0.0)),
+        coverage: alpha * (1.0 - material.transmission.clamp(0.0, 1.0)),
+        exitance: material.emission.map(|x| x.max(0.0) * std::f32::consts::PI),
+    }
+}
+
+/// Gives facets with textures or vertex colours a colour for each element. Both sides of a facet share them.
+fn store_varying<'a>(mesh: &mut Mesh, material: impl Fn(&Facet) -> &'a Material) {
+    for facet in &mut mesh.facets {
+        let plain = mesh.surface_colours[facet.surface as usize];
+        let vertex = (facet.vertex_colour != NONE).then(|| mesh.vertex_colours[facet.vertex_colour as usize]);
+        let textured = facet.base_uv != NONE || facet.emission_uv != NONE;
+        let coloured = vertex.is_some_and(|c| c != [[1.0; 4]; 4]);
+        if !textured && !coloured {
+            continue;
+        }
+        facet.colour = mesh.colours.len() as u32;
+        let blend = material(facet).alpha == Alpha::Blend;
+        mesh.colours.extend((0..facet.element_count()).map(|k| {
+            let mut colour = plain;
+            if let Some(vertex) = vertex {
+                let c = interpolate(facet, vertex.map(Vec4::from), element_middle(facet, k));
+                (0..3).for_each(|i| colour.reflectance[i] *= c[i].max(0.0));
+                if blend {
+                    colour.coverage *= c.w.clamp(0.0, 1.0);
+                }
+            }
+            colour
+        }));
+    }
+}
+
+/// Parameters within the facet of the corners of element `k` of a side.
+pub fn element_corners(facet: &Facet, k: u32) -> ([DVec2; 4], usize) {
+    let tile = element_tile(facet, k);
+    let parameters = Frame::corner_parameters(facet.layout());
+    let mut corners = [tile.origin; 4];
+    for (corner, &p) in corners.iter_mut().zip(parameters) {
+        *corner = tile.at(p);
+    }
+    (corners, parameters.len())
+}
+
+fn element_middle(facet: &Facet, k: u32) -> DVec2 {
+    element_tile(facet, k).at(Frame::middle(facet.layout()))
+}
+
+fn element_tile(facet: &Facet, k: u32) -> super::Tile {
+    let per_patch = facet.elements_per_patch();
+    let inner = super::Tile::of(facet.layout(), facet.elements.map(u32::from), k % per_patch);
+    facet.patch_tile(k / per_patch).compose(inner)
+}
+
+/// A value given at a facet's corners, at parameters `at`.
+pub fn interpolate<T>(facet: &Facet, values: [T; 4], at: DVec2) -> T
+where
+    T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>,
+{
+    let (u, v) = (at.x as f32, at.y as f32);
+    let [a, b, c, d] = values;
+    match facet.layout() {
+        Layout::Triangle => a * (1.0 - u - v) + b * u + c * v,
+        Layout::Quad => (a * (1.0 - u) + b * u) * (1.0 - v) + (d * (1.0 - u) + c * u) * v,
+    }
+}
+
+/// Averages of a texture over the elements of a facet: linear RGB weighted by alpha if `weighted`, and alpha.
+fn averages(
+    facet: &Facet,
+    uv: [[f32; 2]; 4],
+    texture: &Texture,
+    image: &TextureImage,
+    weighted: bool,
+) -> Vec<[f32; 4]> {
+    (0..facet.element_count())
+        .map(|k| {
+            let (corners, n) = element_corners(facet, k);
+            let corners = corners.map(|at| interpolate(facet, uv.map(Vec2::from), at).to_array());
+            if weighted {
+                image.average_weighted(&corners[..n], texture.wrap)
+            } else {
+                image.average(&corners[..n], texture.wrap)
+            }
+        })
+        .collect()
+}
+
+/// Multiplies the reflectance (and coverage) of the facets whose base texture shows `image`.
+fn multiply(
+    mesh: &mut Mesh,
+    scene: &Scene,
+    image: &TextureImage,
+    texture: impl Fn(&Material) -> Option<Texture> + Sync,
+) {
+    let materials: Vec<&Material> = scene.surfaces.iter().map(|s| &scene.materials[s.material as usize]).collect();
+    // Materials in mode MASK see the texture through their cutoff.
+    let mut masked: Vec<(u32, TextureImage)> = Vec::new();
+    for (surface, material) in materials.iter().enumerate() {
+        let (Alpha::Mask(cutoff), Some(_)) = (material.alpha, texture(material)) else { continue };
+        let threshold = (cutoff / material.base_colour[3].max(1e-6) * 255.0).clamp(0.0, 256.0);
+        if threshold <= 0.0 {
+            continue;
+        }
+        let key = threshold.to_bits();
+        let bitmap = match masked.iter().position(|(k, _)| *k == key) {
+            Some(i) => mesh.occluder.bitmaps.len() - masked.len() + i,
+            None => {
+                let Some((bitmap, cut)) = cut_out(image, threshold) else { continue };
+                masked.push((key, cut));
+                mesh.occluder.bitmaps.push(Arc::new(bitmap));
+                mesh.occluder.bitmaps.len() - 1
+            }
+        };
+        mesh.occluder.cutout[surface] = Some(bitmap as u32);
+    }
+    let (facets, base_uv) = (&mesh.facets, &mesh.base_uv);
+    let found: Vec<(u32, Vec<[f32; 4]>)> = facets
+        .par_iter()
+        .enumerate()
+        .filter_map(|(f, facet)| {
+            let material = materials[facet.surface as usize];
+            let texture = texture(material)?;
+            let cut = match material.alpha {
+                Alpha::Mask(cutoff) => {
+                    let key = (cutoff / material.base_colour[3].max(1e-6) * 255.0).clamp(0.0, 256.0).to_bits();
+                    masked.iter().find(|(k, _)| *k == key).map(|(_, image)| image)
+                }
+                _ => None,
+            };
+            let uv = *base_uv.get(facet.base_uv as usize)?;
+            let weighted = material.alpha != Alpha::Opaque;
+            Some((f as u32, averages(facet, uv, &texture, cut.unwrap_or(image), weighted)))
+        })
+        .collect();
+    for (f, values) in found {
+        let facet = &mesh.facets[f as usize];
+        let see_through = materials[facet.surface as usize].alpha != Alpha::Opaque;
+        let first = facet.colour as usize;
+        let mut covered = 0.0;
+        for (colour, value) in mesh.colours[first..first + values.len()].iter_mut().zip(&values) {
+            (0..3).for_each(|c| colour.reflectance[c] *= value[c]);
+            if see_through {
+                colour.coverage *= value[3];
+            }
+            covered += colour.coverage / values.len() as f32;
+        }
+        if materials[facet.surface as usize].alpha == Alpha::Blend {
+            mesh.occluder.facet_coverage.push((f, covered));
+        }
+    }
+    mesh.occluder.facet_coverage.sort_by_key(|c| c.0);
+}
+
+/// The texels with at least this alpha (0 to 256), as a bitmap and as an image of alpha 0 and 255.
+fn cut_out(image: &TextureImage, threshold: f32) -> Option<(Bitmap, TextureImage)> {
+    let mut texels = image.texels().to_vec();
+    let mut bits = vec![0u64; (texels.len() / 4).div_ceil(64)];
+    for (i, texel) in texels.chunks_exact_mut(4).enumerate() {
+        let blocks = f32::from(texel[3]) >= threshold;
+        bits[i >> 6] |= u64::from(blocks) << (i & 63);
+        texel[3] = if blocks { 255 } else { 0 };
+    }
+    let bitmap = Bitmap { width: image.width(), height: image.height(), bits };
+    Some((bitmap, TextureImage::from_texels(image.width(), image.height(), texels)?))
+}
+
+/// Multiplies the exitance of the facets whose emission texture is image `number`.
+fn multiply_emission(mesh: &mut Mesh, scene: &Scene, image: &TextureImage, number: usize) {
+    for facet in &mesh.facets {
+        let material = &scene.materials[scene.surfaces[facet.surface as usize].material as usize];
+        let Some(texture) = material.emission_texture.filter(|t| t.image as usize == number) else { continue };
+        let Some(&uv) = mesh.emission_uv.get(facet.emission_uv as usize) else { continue };
+        let first = facet.colour as usize;
+        for (k, value) in averages(facet, uv, &texture, image, false).iter().enumerate() {
+            (0..3).for_each(|c| mesh.colours[first + k].exitance[c] *= value[c]);
+        }
+    }
+}
+
+/// Lowers reflectances to [`MAX_REFLECTANCE`], and tells what is see-through.
+fn limit(mesh: &mut Mesh, scene: &Scene) {
+    let lower = |colour: &mut Colour| {
+        let high = colour.reflectance.iter().any(|&r| r > MAX_REFLECTANCE);
+        colour.reflectance = colour.reflectance.map(|r| r.min(MAX_REFLECTANCE));
+        high
+    };
+    for (surface, colour) in scene.surfaces.iter().zip(&mut mesh.surface_colours) {
+        if lower(colour) {
+            mesh.warnings.add("reflectance-lowered", LOWERED, surface.place.clone());
+        }
+        if colour.coverage < OPAQUE_COVERAGE {
+            mesh.warnings.add("see-through", SEE_THROUGH, surface.place.clone());
+        }
+    }
+    for facet in &mesh.facets {
+        if facet.colour != NONE {
+            let first = facet.colour as usize;
+            let colours = &mut mesh.colours[first..first + facet.element_count() as usize];
+            let count = colours.iter_mut().filter_map(|c| lower(c).then_some(())).count() as u64;
+            let place = scene.surfaces[facet.surface as usize].place.clone();
+            mesh.warnings.add_many("texture-reflectance-lowered", LOWERED, place, count);
+        }
+    }
+    let see_through = mesh.occluder.facet_coverage.iter().filter(|c| c.1 < OPAQUE_COVERAGE);
+    for &(f, _) in see_through {
+        let place = scene.surfaces[mesh.facets[f as usize].surface as usize].place.clone();
+        mesh.warnings.add("see-through-texture", SEE_THROUGH, place);
+    }
+}
+
+const LOWERED: &str = "reflectance above 0.95 is lowered to it, so that light dies out";
+const SEE_THROUGH: &str = "see-through surfaces let light pass straight, unrefracted";

@@ -23,6 +23,7 @@ pub use plane::RELATIVE_TOLERANCE;
 pub use size::{Quality, Sizes};
 pub use validity::find_valid_samples;
 
+use crate::scene::Warnings;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
 use ringlight_visibility::Layout;
@@ -60,8 +61,8 @@ pub struct Facet {
     pub emission_uv: u32,
     /// Index into [`Mesh::vertex_colours`], or [`NONE`].
     pub vertex_colour: u32,
-    /// Index of the colours of this facet's elements in [`Mesh::colours`], front first, or [`NONE`] if all of them have
-    /// the surface's colour [`Mesh::surface_colours`].
+    /// Index of the colours of this facet's elements in [`Mesh::colours`], shared by both sides, or [`NONE`] if all of
+    /// them have the surface's colour [`Mesh::surface_colours`].
     pub colour: u32,
     /// Columns and rows of patches.
     pub patches: [u16; 2],
@@ -98,6 +99,8 @@ pub struct Mesh {
     pub valid: Vec<u16>,
     /// What light passes through.
     pub occluder: Occluder,
+    /// What was changed or left out at meshing.
+    pub warnings: Warnings,
     /// Triangles left out, by reason.
     pub skipped: Vec<(String, u64)>,
 }
@@ -262,9 +265,8 @@ impl Mesh {
         if facet.colour == NONE {
             return self.surface_colours[facet.surface as usize];
         }
-        let (first, offset) =
-            if patch.back { (facet.first_back_element, facet.element_count()) } else { (facet.first_element, 0) };
-        self.colours[(facet.colour + offset + (element - first)) as usize]
+        let first = if patch.back { facet.first_back_element } else { facet.first_element };
+        self.colours[(facet.colour + (element - first)) as usize]
     }
 
     /// Share of element `element` that lies free of other geometry.
@@ -282,7 +284,7 @@ impl Mesh {
             let sides = if facet.double_sided() { 2 } else { 1 };
             let one = count(facet.patches) * count(facet.elements);
             elements += one * sides;
-            let colours_end = u64::from(facet.colour) + one * sides;
+            let colours_end = u64::from(facet.colour) + one;
             let fine = one > 0
                 && (facet.surface as usize) < self.surface_colours.len()
                 && within(facet.base_uv, self.base_uv.len())
@@ -363,6 +365,14 @@ impl Patch {
         };
         let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
         Some(self.area_sample(&tile, sample.into()))
+    }
+
+    /// Whether the surface at parameters `at` of the patch is covered by other geometry.
+    pub fn is_covered(&self, mesh: &Mesh, at: DVec2) -> bool {
+        let layout = self.frame.layout;
+        let (element, within) = Tile::find(layout, self.grid, at);
+        let sample = Tile::find(layout, [4, 4], within).0;
+        mesh.valid[(self.first_element + element) as usize] >> sample & 1 == 0
     }
 
     /// Position of sample `sample` (0 to 15) of the element over `tile`.

@@ -6,7 +6,7 @@
 use super::{ALL_VALID, Frame, Mesh, Patch};
 use glam::DVec3;
 use rayon::prelude::*;
-use ringlight_visibility::{Hierarchy, Layout, Ray};
+use ringlight_visibility::{Hierarchy, Layout, NO_PLANE, Ray};
 
 /// Samples of a quadrilateral element from the middle outwards.
 pub const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
@@ -77,11 +77,13 @@ fn valid_samples(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, k: u32) -> u
     if samples == ALL_VALID && !middle { samples & !(1 << innermost) } else { samples }
 }
 
-/// Whether a point sees anything but backs and what touches it.
+/// Whether a point sees anything but backs and what touches it. Where a coplanar surface faces it (a box's bottom on the
+/// floor), it must see a lit surface; elsewhere it is enough to see nothing.
 fn is_free(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, contact: f64) -> bool {
     let n = patch.normal;
     let (t, b) = n.any_orthonormal_pair();
-    DIRECTIONS.iter().any(|d| {
+    let mut escapes = false;
+    for d in &DIRECTIONS {
         let direction = d[0] * t + d[1] * b + d[2] * n;
         let ray = Ray {
             origin: point.as_vec3().to_array(),
@@ -91,11 +93,31 @@ fn is_free(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, cont
             plane: patch.plane,
         };
         match hierarchy.nearest_hit(&ray) {
-            None => true,
+            None => escapes = true,
             Some(hit) => {
                 let lit = hit.front || mesh.facets[(hit.triangle >> 1) as usize].double_sided();
-                lit && f64::from(hit.distance) > contact
+                if lit && f64::from(hit.distance) > contact {
+                    return true;
+                }
             }
         }
-    })
+    }
+    escapes && !is_faced(mesh, hierarchy, patch, point)
+}
+
+/// Whether another facet in the patch's plane, facing the other way, lies on the point.
+fn is_faced(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3) -> bool {
+    let step = 10.0 * super::plane::RELATIVE_TOLERANCE * mesh.diagonal;
+    let ray = Ray {
+        origin: (point - step * patch.normal).as_vec3().to_array(),
+        direction: (2.0 * step * patch.normal).as_vec3().to_array(),
+        near: 0.0,
+        far: 1.0,
+        plane: NO_PLANE,
+    };
+    let faces = |id: u32| {
+        let facet = &mesh.facets[(id >> 1) as usize];
+        id >> 1 != patch.facet && facet.frame().area_vector().dot(patch.normal) < 0.0
+    };
+    hierarchy.nearest_hit_where(&ray, |t| t.plane == patch.plane && faces(t.id)).is_some()
 }

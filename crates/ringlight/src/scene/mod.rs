@@ -7,6 +7,7 @@
 pub mod error;
 pub mod obj;
 mod read;
+pub mod texture;
 
 pub use error::{Place, SceneError, Warning, Warnings};
 pub use read::{ReadOptions, read};

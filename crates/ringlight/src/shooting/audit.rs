@@ -30,7 +30,7 @@ pub fn audit(mesh: &Mesh, hierarchy: &Hierarchy, shot: &Shot, rays: u32, centre:
         let [a, b, c, d] =
             [0.856_674_883_854_502_9, 0.733_891_856_627_126, 0.628_706_721_037_809_5, 0.538_597_257_223_655_8]
                 .map(fraction);
-        let Some((origin, direction)) = start(shot, &weights, total, [a, b, c, d], centre, radius) else {
+        let Some((origin, direction)) = start(mesh, shot, &weights, total, [a, b, c, d], centre, radius) else {
             lost += 1.0;
             continue;
         };
@@ -45,8 +45,9 @@ pub fn audit(mesh: &Mesh, hierarchy: &Hierarchy, shot: &Shot, rays: u32, centre:
     fate
 }
 
-/// A ray of the shot for four numbers in 0…1.
+/// A ray of the shot for four numbers in 0…1; none where no light leaves.
 fn start(
+    mesh: &Mesh,
     shot: &Shot,
     weights: &[f64],
     total: f64,
@@ -76,6 +77,9 @@ fn start(
             let step = 1.0 / f64::from(grid.side) / if source.count == 3 { 3.0 } else { 1.0 };
             let [u, v] = grid.layout.centre(grid.side, cell).map(f64::from);
             let (u, v) = (u + inner.x * step, v + inner.y * step);
+            if mesh.patch(source.patch).is_covered(mesh, DVec2::new(u, v)) {
+                return None;
+            }
             let edge = |e: [f32; 3]| DVec3::from(e.map(f64::from));
             let origin = edge(grid.origin) + u * edge(grid.edge_u) + v * edge(grid.edge_v) + u * v * edge(grid.twist);
             // Cosine distribution (Malley's method).

@@ -69,14 +69,13 @@ impl ClusterLight {
     }
 }
 
-/// Unshot radiosity of element `element` over its whole area: ΔB times the share that is free of other geometry.
+/// Unshot radiosity ΔB of element `element`, of the part that is free of other geometry.
 pub fn unshot_radiosity(mesh: &Mesh, patch: &Patch, element: u32, light: &ElementLight, emission: bool) -> [f64; 3] {
     let colour = mesh.colour(patch, element);
-    let share = mesh.valid_share(element);
     let returned = colour.returned();
     std::array::from_fn(|c| {
         let emitted = if emission { f64::from(colour.exitance[c]) } else { 0.0 };
-        share * (f64::from(returned[c]) * f64::from(light.unshot[c]) + emitted)
+        f64::from(returned[c]) * f64::from(light.unshot[c]) + emitted
     })
 }
 
@@ -86,8 +85,9 @@ pub fn unshot_power(mesh: &Mesh, patch: &Patch, elements: &[ElementLight], emiss
         .iter()
         .enumerate()
         .map(|(k, light)| {
-            let radiosity = unshot_radiosity(mesh, patch, patch.first_element + k as u32, light, emission);
-            patch.element_area(k as u32) * (radiosity[0] + radiosity[1] + radiosity[2])
+            let element = patch.first_element + k as u32;
+            let radiosity = unshot_radiosity(mesh, patch, element, light, emission);
+            patch.element_area(k as u32) * mesh.valid_share(element) * (radiosity[0] + radiosity[1] + radiosity[2])
         })
         .sum()
 }

@@ -1,7 +1,7 @@
 //! A shot: what travels from the shooter's owner to all receivers.
 
 use super::light::{ClusterLight, unshot_radiosity};
-use crate::mesh::{Frame, Mesh, Patch, Tile};
+use crate::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::{Cells, Grid, Layout, Shooter};
 use serde::{Deserialize, Serialize};
@@ -86,7 +86,7 @@ pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize
         .collect();
     let mut mean = [0.0; 3];
     for (k, b) in radiosity.iter().enumerate() {
-        let share = patch.element_area(k as u32) / patch.area;
+        let share = patch.element_area(k as u32) / patch.area * mesh.valid_share(patch.first_element + k as u32);
         (0..3).for_each(|c| mean[c] += share * b[c]);
     }
     let frame = &patch.frame;
@@ -97,9 +97,16 @@ pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize
         *d = frame.relative_density(DVec2::new(u, v)) as f32;
     }
     let mut weights = vec![mean; cells];
-    if shoot == Shoot::Elements && radiosity.len() > 1 {
+    let valid = &mesh.valid[patch.first_element as usize..][..radiosity.len()];
+    if shoot == Shoot::Elements && (radiosity.len() > 1 || valid[0] != ALL_VALID) {
+        let field = Field { patch, radiosity: &radiosity, valid };
         for (k, weight) in weights.iter_mut().enumerate() {
-            *weight = cell_average(patch, &radiosity, side, k as u32);
+            *weight = field.cell_average(side, k as u32);
+        }
+        // A covered cell is seen by nobody: those that are seen shoot its share.
+        let open = |k: usize| !field.is_covered(frame.layout.centre(side, k).map(f64::from).into());
+        if (0..cells).any(|k| open(k) && weights[k] != [0.0; 3]) {
+            (0..cells).filter(|&k| !open(k)).for_each(|k| weights[k] = [0.0; 3]);
         }
         scale_to(&mut weights, &density, mean);
     }
@@ -147,34 +154,67 @@ fn patch_elements<'a>(mesh: &Mesh, patch: &Patch, light: &'a ClusterLight) -> &'
     &light.elements[first..first + patch.element_count() as usize]
 }
 
-/// Average over cell `k` of the light interpolated between element middles.
-fn cell_average(patch: &Patch, radiosity: &[[f64; 3]], side: u32, k: u32) -> [f64; 3] {
-    let layout = patch.frame.layout;
-    let tile = Tile::of(layout, [side; 2], k);
-    let fine = patch.grid[0].max(patch.grid[1]).div_ceil(side);
-    let mut sum = [0.0; 3];
-    for s in 0..fine * fine {
-        let at = tile.compose(Tile::of(layout, [fine; 2], s)).at(Frame::middle(layout));
-        let value = match layout {
-            Layout::Quad => bilinear(patch.grid, radiosity, at),
-            Layout::Triangle => radiosity[Tile::find(layout, patch.grid, at).0 as usize],
-        };
-        (0..3).for_each(|c| sum[c] += value[c] / f64::from(fine * fine));
-    }
-    sum
+/// The unshot radiosity over a patch.
+struct Field<'a> {
+    patch: &'a Patch,
+    /// Of each element's free part.
+    radiosity: &'a [[f64; 3]],
+    /// Free samples of each element.
+    valid: &'a [u16],
 }
 
-/// Interpolation between the middles of a grid of elements; constant beyond the outermost middles.
-fn bilinear(grid: [u32; 2], values: &[[f64; 3]], at: DVec2) -> [f64; 3] {
-    let axis = |t: f64, n: u32| {
-        let x = (t * f64::from(n) - 0.5).clamp(0.0, f64::from(n - 1));
-        let low = (x as u32).min(n.saturating_sub(2));
-        (low as usize, (low + 1).min(n - 1) as usize, x - f64::from(low))
-    };
-    let ((i, i1, s), (j, j1, t)) = (axis(at.x, grid[0]), axis(at.y, grid[1]));
-    let value = |i: usize, j: usize| &values[j * grid[0] as usize + i];
-    let (a, b, c, d) = (value(i, j), value(i1, j), value(i, j1), value(i1, j1));
-    std::array::from_fn(|k| (1.0 - t) * ((1.0 - s) * a[k] + s * b[k]) + t * ((1.0 - s) * c[k] + s * d[k]))
+impl Field<'_> {
+    /// Average over cell `k` of the light interpolated between element middles; parts covered by other geometry are dark.
+    fn cell_average(&self, side: u32, k: u32) -> [f64; 3] {
+        let layout = self.patch.frame.layout;
+        let grid = self.patch.grid;
+        let tile = Tile::of(layout, [side; 2], k);
+        let covered = self.valid.iter().any(|&v| v != ALL_VALID);
+        // As fine as the elements, or as their samples where some are covered.
+        let fine = (grid[0].max(grid[1]) * if covered { 4 } else { 1 }).div_ceil(side);
+        let mut sum = [0.0; 3];
+        for s in 0..fine * fine {
+            let at = tile.compose(Tile::of(layout, [fine; 2], s)).at(Frame::middle(layout));
+            if self.is_covered(at) {
+                continue;
+            }
+            let value = match layout {
+                Layout::Quad => self.bilinear(at),
+                Layout::Triangle => self.radiosity[Tile::find(layout, grid, at).0 as usize],
+            };
+            (0..3).for_each(|c| sum[c] += value[c] / f64::from(fine * fine));
+        }
+        sum
+    }
+
+    /// Whether the patch is covered at parameters `at`.
+    fn is_covered(&self, at: DVec2) -> bool {
+        let layout = self.patch.frame.layout;
+        let (element, within) = Tile::find(layout, self.patch.grid, at);
+        self.valid[element as usize] >> Tile::find(layout, [4, 4], within).0 & 1 == 0
+    }
+
+    /// Interpolation between the middles of the elements that have a free part; constant beyond the outermost middles.
+    fn bilinear(&self, at: DVec2) -> [f64; 3] {
+        let grid = self.patch.grid;
+        let axis = |t: f64, n: u32| {
+            let x = (t * f64::from(n) - 0.5).clamp(0.0, f64::from(n - 1));
+            let low = (x as u32).min(n.saturating_sub(2));
+            ([low, (low + 1).min(n - 1)], x - f64::from(low))
+        };
+        let ((column, s), (row, t)) = (axis(at.x, grid[0]), axis(at.y, grid[1]));
+        let (mut sum, mut total) = ([0.0; 3], 0.0);
+        for (j, wj) in row.into_iter().zip([1.0 - t, t]) {
+            for (i, wi) in column.into_iter().zip([1.0 - s, s]) {
+                let element = (j * grid[0] + i) as usize;
+                if self.valid[element] != 0 {
+                    total += wi * wj;
+                    (0..3).for_each(|c| sum[c] += wi * wj * self.radiosity[element][c]);
+                }
+            }
+        }
+        if total > 0.0 { sum.map(|x| x / total) } else { sum }
+    }
 }
 
 /// Scales weights so that their average over the cells' areas is `mean`; where all are 0 the mean itself is shot.

@@ -13,6 +13,7 @@
 
 use super::{Description, Solution};
 use crate::mesh::{Cluster, Colour, Facet, Mesh, Occluder, Sizes};
+use crate::scene::Warnings;
 use crate::shooting::{ClusterLight, ElementLight, PatchLight};
 use crate::solve::{Energy, SolveSettings, State};
 use bytemuck::{Pod, Zeroable};
@@ -60,6 +61,7 @@ struct Header {
     origin: [f64; 3],
     diagonal: f64,
     sizes: Sizes,
+    warnings: Warnings,
     skipped: Vec<(String, u64)>,
     coverage: Vec<f32>,
     cutout: Vec<Option<u32>>,
@@ -98,6 +100,7 @@ pub fn write(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
         origin: mesh.origin,
         diagonal: mesh.diagonal,
         sizes: mesh.sizes,
+        warnings: mesh.warnings.clone(),
         skipped: mesh.skipped.clone(),
         coverage: occluder.coverage.clone(),
         cutout: occluder.cutout.clone(),
@@ -268,6 +271,7 @@ pub fn read(bytes: &[u8]) -> Result<Solution, FileError> {
         surface_colours,
         valid: sections.array("valid")?,
         occluder,
+        warnings: header.warnings,
         skipped: header.skipped,
     };
     mesh.check().map_err(|what| damaged("facets", &what))?;

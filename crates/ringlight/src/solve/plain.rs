@@ -41,7 +41,7 @@ pub fn plain(
 /// Whether some emitter has not been shot yet: each is, before the stop rule may end a run.
 fn emission_waits(world: &World<'_>, state: &State) -> bool {
     (state.emitters_shot as usize) < world.emitters.len()
-        || state.clusters.par_iter().any(|c| c.patches.iter().any(|p| p.emission_waits))
+        || state.clusters.par_iter().any(|c| c.patches.iter().any(|p| p.emission_waits && p.unshot_power > 0.0))
 }
 
 /// Takes the next shot out of the unshot light: first the lights that are no surfaces, then always the patch with the most

@@ -1,0 +1,109 @@
+//! The nearest hit of one ray: lanes are the children of a node.
+
+use crate::build::{Child, Node, STACK, Target, WIDTH};
+use crate::instruction_set::{Machine, Task};
+use crate::lanes::{Lanes, splat};
+use crate::predicate::{Prepared, SHAFT_MARGIN, is_nearer, ray_hit};
+use crate::{Hierarchy, Hit, NO_PLANE, Ray, Triangle};
+
+/// The work of [`Hierarchy::nearest_hit_where`].
+pub(crate) struct Nearest<'a, F> {
+    pub hierarchy: &'a Hierarchy,
+    pub ray: &'a Ray,
+    pub accept: F,
+}
+
+impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> Option<Hit> {
+        let Nearest { hierarchy, ray, accept } = self;
+        let mut best: Option<Hit> = None;
+        if hierarchy.nodes.is_empty() {
+            return None;
+        }
+        let inverse = ray.direction.map(|d| if d.abs() > 1e-30 { 1.0 / d } else { 1e30f32.copysign(d) });
+        let mut stack = [(0.0f32, Child::ROOT); STACK];
+        let mut height = 1;
+        while height > 0 {
+            height -= 1;
+            let (enter, child) = stack[height];
+            if best.is_some_and(|b| enter > b.distance) {
+                continue;
+            }
+            match child.target() {
+                Target::Triangles(range) => {
+                    for triangle in &hierarchy.triangles[range] {
+                        if triangle.plane == ray.plane && ray.plane != NO_PLANE {
+                            continue;
+                        }
+                        if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
+                            && is_nearer(&hit, &best)
+                            && accept(triangle)
+                        {
+                            best = Some(hit);
+                        }
+                    }
+                }
+                Target::Node(number) => {
+                    let node = &hierarchy.nodes[number];
+                    let far = best.map_or(ray.far, |b| b.distance);
+                    let (mut hits, enters) = passed(machine, node, ray.origin, inverse, far);
+                    let above = height;
+                    while hits != 0 {
+                        let i = hits.trailing_zeros() as usize;
+                        hits &= hits - 1;
+                        // Insertion keeps the nearest on top.
+                        let mut place = height;
+                        while place > above && stack[place - 1].0 < enters[i] {
+                            stack[place] = stack[place - 1];
+                            place -= 1;
+                        }
+                        stack[place] = (enters[i], node.child[i]);
+                        height += 1;
+                    }
+                }
+            }
+        }
+        best
+    }
+}
+
+/// The children whose boxes the ray passes before `far`, as bits, and where it enters them. Boxes grow with their
+/// distance, see [`SHAFT_MARGIN`].
+#[inline(always)]
+fn passed<M: Machine>(
+    machine: M,
+    node: &Node,
+    origin: [f32; 3],
+    inverse: [f32; 3],
+    far: f32,
+) -> (u32, [f32; WIDTH]) {
+    let (mut bits, mut enters) = (0, [0.0; WIDTH]);
+    for chunk in 0..WIDTH / M::F32_LANES {
+        let mut low = splat(machine, [0.0; 3]);
+        let mut high = low;
+        for i in 0..3 {
+            low[i] = Lanes::new(machine, M::as_simd_f32s(&node.low[i]).0[chunk]) - origin[i];
+            high[i] = Lanes::new(machine, M::as_simd_f32s(&node.high[i]).0[chunk]) - origin[i];
+        }
+        let farthest = [
+            low[0].abs().max(high[0].abs()),
+            low[1].abs().max(high[1].abs()),
+            low[2].abs().max(high[2].abs()),
+        ];
+        let margin = ((farthest[0] + farthest[1]) + farthest[2]) * SHAFT_MARGIN;
+        let mut enter = Lanes::splat(machine, 0.0);
+        let mut leave = Lanes::splat(machine, far);
+        for i in 0..3 {
+            let (s, t) = ((low[i] - margin) * inverse[i], (high[i] + margin) * inverse[i]);
+            enter = enter.max(s.min(t));
+            leave = leave.min(s.max(t));
+        }
+        let filled = high[0].at_least(low[0]);
+        bits |= machine.bits(machine.and_m32s(filled, leave.at_least(enter))) << (chunk * M::F32_LANES);
+        M::as_mut_simd_f32s(&mut enters).0[chunk] = enter.value;
+    }
+    (bits, enters)
+}

@@ -1,0 +1,189 @@
+//! A shooter made ready for the predicate: its cells, and the functions of them that the predicate asks for.
+
+use crate::predicate::{BOX_MARGIN, Prepared, Vector, dot, norm, sub};
+use crate::{Cells, Layout, MAX_CELLS, Shooter};
+
+/// How the cells are evaluated. What the predicate computes depends on this, never on lanes or instruction set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Affine in (u, v).
+    Grid,
+    /// Affine in (u, v), with the bilinear term.
+    TwistedGrid,
+    /// Cell by cell.
+    Points,
+    /// Cell by cell, at infinity.
+    Directions,
+}
+
+/// A shooter made ready.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    pub kind: Kind,
+    /// Side of a quadrilateral grid whose rows and columns may be evaluated apart; else 0.
+    pub side: usize,
+    pub count: usize,
+    /// Mask with a bit for every cell.
+    pub all: u64,
+    /// Positions, or directions, of the cells.
+    pub cells: [Vector; MAX_CELLS],
+    /// Parameters of a grid's cells.
+    pub u: [f32; MAX_CELLS],
+    pub v: [f32; MAX_CELLS],
+    /// Least and greatest parameters.
+    pub u_range: [f32; 2],
+    pub v_range: [f32; 2],
+    /// A grid's origin; else the centre of the cells' box.
+    pub anchor: Vector,
+    pub edge_u: Vector,
+    pub edge_v: Vector,
+    pub twist: Vector,
+    /// Half the extent of the box around scattered cells, rounded up.
+    pub half: Vector,
+    /// No cell is farther (in the sum of coordinates) from the anchor than this.
+    pub spread: f32,
+    /// Box around the cells.
+    pub bounds: (Vector, Vector),
+    /// Share of the way that counts; 1 for directions.
+    pub far: f32,
+    pub plane: u32,
+}
+
+impl Plan {
+    pub fn new(shooter: &Shooter) -> Plan {
+        let count = shooter.cells.len();
+        assert!((1..=MAX_CELLS).contains(&count), "a shooter has 1 to {MAX_CELLS} cells, not {count}");
+        let mut plan = Plan {
+            kind: Kind::Points,
+            side: 0,
+            count,
+            all: shooter.cells.all(),
+            cells: [[0.0; 3]; MAX_CELLS],
+            u: [0.0; MAX_CELLS],
+            v: [0.0; MAX_CELLS],
+            u_range: [0.0; 2],
+            v_range: [0.0; 2],
+            anchor: [0.0; 3],
+            edge_u: [0.0; 3],
+            edge_v: [0.0; 3],
+            twist: [0.0; 3],
+            half: [0.0; 3],
+            spread: 0.0,
+            bounds: ([0.0; 3], [0.0; 3]),
+            far: shooter.far,
+            plane: shooter.plane,
+        };
+        match &shooter.cells {
+            Cells::Grid(grid) => {
+                plan.kind = if grid.twist == [0.0; 3] { Kind::Grid } else { Kind::TwistedGrid };
+                if grid.layout == Layout::Quad && plan.kind == Kind::Grid {
+                    plan.side = grid.side as usize;
+                }
+                for k in 0..count {
+                    plan.cells[k] = grid.point(k);
+                    [plan.u[k], plan.v[k]] = grid.layout.centre(grid.side, k);
+                }
+                let range = |t: &[f32]| [t.iter().copied().fold(1.0, f32::min), t.iter().copied().fold(0.0, f32::max)];
+                plan.u_range = range(&plan.u[..count]);
+                plan.v_range = range(&plan.v[..count]);
+                (plan.anchor, plan.edge_u, plan.edge_v, plan.twist) =
+                    (grid.origin, grid.edge_u, grid.edge_v, grid.twist);
+                plan.spread = (norm(grid.edge_u) + norm(grid.edge_v)) + norm(grid.twist);
+            }
+            Cells::Points(cells) | Cells::Directions(cells) => {
+                plan.cells[..count].copy_from_slice(cells);
+                let (low, high) = around(cells);
+                plan.anchor = std::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]);
+                plan.half = std::array::from_fn(|i| (high[i] - plan.anchor[i]).max(plan.anchor[i] - low[i]) * 1.00001);
+                plan.spread = norm(plan.half);
+                if matches!(shooter.cells, Cells::Directions(_)) {
+                    plan.kind = Kind::Directions;
+                    plan.far = 1.0;
+                }
+            }
+        }
+        plan.bounds = around(&plan.cells[..count]);
+        plan
+    }
+
+    /// Bound on the distance from `x` to any cell; for directions, on their length.
+    #[inline(always)]
+    pub fn reach(&self, x: Vector) -> f32 {
+        if self.kind == Kind::Directions { norm(self.anchor) + self.spread } else { norm(sub(self.anchor, x)) + self.spread }
+    }
+
+    /// From `x` to cell `k`.
+    #[inline(always)]
+    fn towards(&self, x: Vector, k: usize) -> Vector {
+        if self.kind == Kind::Directions { self.cells[k] } else { sub(self.cells[k], x) }
+    }
+
+    /// n·(c−x) for cell `k`.
+    #[inline(always)]
+    pub fn along(&self, n: Vector, x: Vector, k: usize) -> f32 {
+        match self.kind {
+            Kind::Points | Kind::Directions => dot(n, self.towards(x, k)),
+            Kind::Grid | Kind::TwistedGrid => {
+                let base = dot(n, sub(self.anchor, x));
+                self.affine([base, dot(n, self.edge_u), dot(n, self.edge_v), dot(n, self.twist)], k)
+            }
+        }
+    }
+
+    /// Not negative when the hit lies before cell `k`: far · |N·(c−x)| − |T|, `height` being T.
+    #[inline(always)]
+    pub fn before_cell(&self, t: &Prepared, x: Vector, k: usize, height: f32) -> f32 {
+        let scale = self.far.copysign(height);
+        match self.kind {
+            // Any distance will do, but the ray must come nearer to the plane.
+            Kind::Directions => scale * dot(t.normal, self.cells[k]) - f32::MIN_POSITIVE,
+            Kind::Points => scale * dot(t.normal, self.towards(x, k)) - height.abs(),
+            Kind::Grid | Kind::TwistedGrid => {
+                let base = scale * dot(t.normal, sub(self.anchor, x)) - height.abs();
+                let slopes = [self.edge_u, self.edge_v, self.twist].map(|edge| scale * dot(t.normal, edge));
+                self.affine([base, slopes[0], slopes[1], slopes[2]], k)
+            }
+        }
+    }
+
+    /// base + v·b + u·a + u·v·w, rows first, so that in an untwisted grid row and column terms are added once each.
+    #[inline(always)]
+    fn affine(&self, [base, a, b, w]: [f32; 4], k: usize) -> f32 {
+        let slope = if self.kind == Kind::TwistedGrid { a + self.v[k] * w } else { a };
+        (base + self.v[k] * b) + self.u[k] * slope
+    }
+
+    /// Whether rounding may claim a hit far from the triangle, see [`crate::predicate::GRAZING`].
+    pub fn is_grazing(&self, t: &Prepared, x: Vector, k: usize, height: f32) -> bool {
+        match self.kind {
+            Kind::Directions => {
+                let rise = 1f32.copysign(height) * dot(t.normal, self.cells[k]);
+                rise < t.grazing * self.reach(x)
+            }
+            _ => height.abs() < t.grazing * ((norm(sub(t.corners[0], x)) + t.longest) + self.reach(x)),
+        }
+    }
+
+    /// Whether the way from `x` to cell `k` passes the triangle's box, grown by the margin of grazing hits.
+    pub fn passes_box(&self, t: &Prepared, x: Vector, k: usize) -> bool {
+        let d = self.towards(x, k);
+        let (margin, far) = match self.kind {
+            Kind::Directions => (BOX_MARGIN * distance(t, x), f32::INFINITY),
+            _ => (BOX_MARGIN * self.reach(x), 1.0),
+        };
+        t.pass_box(x, d, margin, far).is_some()
+    }
+}
+
+/// The greatest distance (in the sum of coordinates) from `x` to a corner.
+pub(crate) fn distance(t: &Prepared, x: Vector) -> f32 {
+    t.corners.iter().map(|&c| norm(sub(c, x))).fold(0.0, f32::max)
+}
+
+/// Box around points.
+fn around(points: &[Vector]) -> (Vector, Vector) {
+    (
+        std::array::from_fn(|i| points.iter().map(|p| p[i]).fold(f32::INFINITY, f32::min)),
+        std::array::from_fn(|i| points.iter().map(|p| p[i]).fold(f32::NEG_INFINITY, f32::max)),
+    )
+}

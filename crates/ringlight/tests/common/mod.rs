@@ -1,0 +1,128 @@
+//! Scenes from OBJ text, solved in memory.
+#![allow(dead_code)]
+
+use ringlight::mesh::{self, Mesh, MeshOptions};
+use ringlight::resources::{Bytes, Resources};
+use ringlight::scene::{self, ReadOptions, Scene};
+use ringlight::shooting::Shoot;
+use ringlight::solve::{self, Control, Progress, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::transport::Alone;
+use ringlight_visibility::Hierarchy;
+use std::fmt::Write;
+
+/// A single MTL file.
+pub struct Material(pub String);
+
+impl Resources for Material {
+    fn read(&self, path: &str) -> std::io::Result<Bytes> {
+        if path == "scene.mtl" {
+            Ok(Bytes::new(self.0.clone().into_bytes()))
+        } else {
+            Err(std::io::Error::from(std::io::ErrorKind::NotFound))
+        }
+    }
+}
+
+/// Builds OBJ text face by face.
+#[derive(Default)]
+pub struct Builder {
+    obj: String,
+    mtl: String,
+    vertices: usize,
+    materials: usize,
+}
+
+impl Builder {
+    /// A material of this reflectance and exitance; gives its name.
+    pub fn material(&mut self, reflectance: [f32; 3], exitance: [f32; 3]) -> String {
+        let name = format!("m{}", self.materials);
+        self.materials += 1;
+        let [r, g, b] = reflectance;
+        let [x, y, z] = exitance.map(|e| f64::from(e) / std::f64::consts::PI);
+        writeln!(self.mtl, "newmtl {name}\nKd {r} {g} {b}\nKe {x} {y} {z}").unwrap();
+        name
+    }
+
+    /// A polygon, counter-clockwise seen from its front.
+    pub fn face(&mut self, material: &str, corners: &[[f64; 3]]) {
+        for [x, y, z] in corners {
+            writeln!(self.obj, "v {x} {y} {z}").unwrap();
+        }
+        write!(self.obj, "usemtl {material}\nf").unwrap();
+        for i in 0..corners.len() {
+            write!(self.obj, " {}", self.vertices + i + 1).unwrap();
+        }
+        self.obj.push('\n');
+        self.vertices += corners.len();
+    }
+
+    /// A box, its faces looking outwards (or inwards).
+    pub fn cuboid(
+        &mut self,
+        low: [f64; 3],
+        high: [f64; 3],
+        inwards: bool,
+        mut material: impl FnMut(&mut Self) -> String,
+    ) {
+        for axis in 0..3 {
+            for side in [0, 1] {
+                let mut corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(a, b)| {
+                    let mut p = [0.0; 3];
+                    p[axis] = if side == 0 { low[axis] } else { high[axis] };
+                    for (k, t) in [((axis + 1) % 3, a), ((axis + 2) % 3, b)] {
+                        p[k] = if t == 0 { low[k] } else { high[k] };
+                    }
+                    p
+                });
+                if (side == 0) != inwards {
+                    corners.reverse();
+                }
+                let name = material(self);
+                self.face(&name, &corners);
+            }
+        }
+    }
+
+    /// The scene, its surfaces lit on their fronts only if `single_sided`.
+    pub fn scene(&self, single_sided: bool) -> Scene {
+        let obj = format!("mtllib scene.mtl\n{}", self.obj);
+        let name = "scene.obj";
+        let mut scene =
+            scene::read(name, Bytes::new(obj.into_bytes()), &Material(self.mtl.clone()), &ReadOptions::default())
+                .unwrap();
+        if single_sided {
+            scene.materials.iter_mut().for_each(|m| m.double_sided = false);
+        }
+        scene
+    }
+}
+
+/// A meshed scene.
+pub struct Meshed {
+    pub scene: Scene,
+    pub mesh: Mesh,
+    pub hierarchy: Hierarchy,
+}
+
+pub fn meshed(scene: Scene, patch: f64, element: f64) -> Meshed {
+    let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
+    let mut mesh = mesh::build(&scene, &options).unwrap();
+    let hierarchy = mesh::hierarchy(&mesh);
+    mesh::find_valid_samples(&mut mesh, &hierarchy);
+    Meshed { scene, mesh, hierarchy }
+}
+
+impl Meshed {
+    pub fn world(&self, cells: u32) -> World<'_> {
+        let settings = SolveSettings { cells, shoot: Shoot::Elements, sky: None };
+        World::new(&self.mesh, &self.hierarchy, &self.scene.lights, settings)
+    }
+}
+
+pub fn solve(world: &World<'_>, until: f64) -> (State, StopReason, Progress) {
+    let mut state = State::new(world);
+    let stop = StopRule { until, max_shots: None };
+    let (reason, progress) =
+        solve::plain(world, &mut state, &stop, &mut Alone::default(), &mut |_, _| Control::Continue);
+    (state, reason, progress)
+}
