@@ -1,8 +1,8 @@
 //! Small solved scenes for the tests of this module.
 
-use crate::mesh::{self, Colour, MeshOptions};
+use crate::mesh::{self, MeshOptions};
 use crate::resources::{Bytes, Resources};
-use crate::scene::{self, ReadOptions, Scene};
+use crate::scene::{self, ReadOptions};
 use crate::shooting::Shoot;
 use crate::solution::{Description, Solution};
 use crate::solve::{Control, SolveSettings, State, StopRule, World, plain};
@@ -43,9 +43,6 @@ pub fn solved(obj: &str, element_size: f64) -> (Solution, Hierarchy) {
     let scene = scene::read("scene.obj", bytes, &Materials, &ReadOptions::default()).unwrap();
     let options = MeshOptions { element_size: Some(element_size), ..MeshOptions::default() };
     let mut mesh = mesh::build(&scene, &options).unwrap();
-    if mesh.occluder.coverage.is_empty() {
-        colour(&mut mesh, &scene);
-    }
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     let settings = SolveSettings { cells: 4, shoot: Shoot::Elements, sky: None };
@@ -57,15 +54,4 @@ pub fn solved(obj: &str, element_size: f64) -> (Solution, Hierarchy) {
     drop(world);
     let description = Description::new(&scene);
     (Solution { description, mesh, settings, state, energy, images: Vec::new() }, hierarchy)
-}
-
-fn colour(mesh: &mut mesh::Mesh, scene: &Scene) {
-    for (colour, surface) in mesh.surface_colours.iter_mut().zip(&scene.surfaces) {
-        let material = &scene.materials[surface.material as usize];
-        let [r, g, b, _] = material.base_colour;
-        let exitance = material.emission.map(|l| l * std::f32::consts::PI);
-        *colour = Colour { reflectance: [r, g, b], coverage: 1.0, exitance };
-    }
-    mesh.occluder.coverage = vec![1.0; scene.surfaces.len()];
-    mesh.occluder.cutout = vec![None; scene.surfaces.len()];
 }

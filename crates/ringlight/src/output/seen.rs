@@ -4,9 +4,6 @@ use crate::mesh::Mesh;
 use glam::{DVec2, DVec3};
 use ringlight_visibility::{Hierarchy, Ray};
 
-/// A ray of sight passes at most this many surfaces.
-pub const MOST_LAYERS: usize = 256;
-
 /// A lit side of a surface, met by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
@@ -27,35 +24,35 @@ pub struct Seen {
 }
 
 /// The first lit side along a ray. Unlit backs of single-sided surfaces are not seen, as in viewers of glTF.
-pub fn look(mesh: &Mesh, hierarchy: &Hierarchy, mut ray: Ray) -> Option<Seen> {
-    for _ in 0..MOST_LAYERS {
-        let hit = hierarchy.nearest_hit(&ray)?;
-        let number = hit.triangle >> 1;
-        let facet = &mesh.facets[number as usize];
-        if !hit.front && !facet.double_sided() {
-            ray.near = hit.distance.next_up();
-            continue;
-        }
-        let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
-        let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
-        let (k, within) = facet.find_element(at.clamp(DVec2::ZERO, DVec2::ONE));
-        let (first_patch, first_element) = if hit.front {
-            (facet.first_patch, facet.first_element)
-        } else {
-            (facet.first_back_patch, facet.first_back_element)
-        };
-        let [b, c] = hit.barycentric;
-        return Some(Seen {
-            distance: hit.distance,
-            facet: number,
-            patch: first_patch + k / facet.elements_per_patch(),
-            element: first_element + k,
-            within: within.clamp(DVec2::ZERO, DVec2::ONE),
-            corners: if hit.triangle & 1 == 0 { [0, 1, 2] } else { [0, 2, 3] },
-            weights: [1.0 - b - c, b, c],
-        });
-    }
-    None
+pub fn look(mesh: &Mesh, hierarchy: &Hierarchy, ray: &Ray) -> Option<Seen> {
+    let [origin, direction] = [ray.origin, ray.direction].map(vector);
+    let facet_of = |triangle: u32| &mesh.facets[(triangle >> 1) as usize];
+    let hit = hierarchy.nearest_hit_where(ray, |triangle| {
+        let [a, b, c] = triangle.corners.map(vector);
+        facet_of(triangle.id).double_sided() || (b - a).cross(c - a).dot(direction) < 0.0
+    })?;
+    let facet = facet_of(hit.triangle);
+    let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
+    let (k, within) = facet.find_element(at.clamp(DVec2::ZERO, DVec2::ONE));
+    let (first_patch, first_element) = if facet.double_sided() && !hit.front {
+        (facet.first_back_patch, facet.first_back_element)
+    } else {
+        (facet.first_patch, facet.first_element)
+    };
+    let [b, c] = hit.barycentric;
+    Some(Seen {
+        distance: hit.distance,
+        facet: hit.triangle >> 1,
+        patch: first_patch + k / facet.elements_per_patch(),
+        element: first_element + k,
+        within: within.clamp(DVec2::ZERO, DVec2::ONE),
+        corners: if hit.triangle & 1 == 0 { [0, 1, 2] } else { [0, 2, 3] },
+        weights: [1.0 - b - c, b, c],
+    })
+}
+
+fn vector(v: [f32; 3]) -> DVec3 {
+    v.map(f64::from).into()
 }
 
 impl Seen {

@@ -91,7 +91,7 @@ impl<'a> Judge<'a> {
     fn tally(&self, rays: impl Iterator<Item = (DVec3, DVec3)>, reference: f64) -> Tally {
         let mut tally = Tally::default();
         for (origin, direction) in rays {
-            let Some(seen) = look(self.mesh, self.hierarchy, sight(origin, direction)) else { continue };
+            let Some(seen) = look(self.mesh, self.hierarchy, &sight(origin, direction)) else { continue };
             let light = photometric(self.solution.irradiance(seen.element));
             let brightness = if light > 0.0 { f64::from(light / (light + self.usual)) } else { 0.0 };
             let distance = f64::from(seen.distance) * direction.length();
@@ -141,7 +141,7 @@ impl<'a> Judge<'a> {
     /// above the middle elsewhere.
     fn at_eye_height(&self, place: DVec3) -> Option<DVec3> {
         let distance =
-            |direction| look(self.mesh, self.hierarchy, sight(place, direction)).map(|s| f64::from(s.distance));
+            |direction| look(self.mesh, self.hierarchy, &sight(place, direction)).map(|s| f64::from(s.distance));
         let (below, above) = (distance(DVec3::NEG_Y)?, distance(DVec3::Y)?);
         let height = below + above;
         let eye_height = if (2.2..4.5).contains(&height) { 1.6 } else { 0.55 * height };

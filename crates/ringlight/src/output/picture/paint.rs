@@ -3,12 +3,15 @@
 use super::texture::Textures;
 use crate::mesh::{Facet, Mesh, NONE, OPAQUE_COVERAGE};
 use crate::output::Smooth;
-use crate::output::seen::{MOST_LAYERS, Seen, look};
+use crate::output::seen::{Seen, look};
 use crate::quantity::{MAX_REFLECTANCE, Rgb, photometric};
 use crate::scene::{Alpha, Material};
 use crate::solution::Solution;
 use ringlight_visibility::{Hierarchy, Ray};
 use std::f32::consts::PI;
+
+/// A ray of sight passes at most this many see-through surfaces.
+const MOST_LAYERS: usize = 64;
 
 /// Surfaces behind others that let less through than this are not looked for.
 const LEAST_PASSING: f32 = 1.0 / 1024.0;
@@ -55,7 +58,7 @@ impl<'a> Painter<'a> {
         let mut sample = Sample::default();
         let mut passing = 1.0;
         for _ in 0..MOST_LAYERS {
-            let Some(seen) = look(self.mesh, self.hierarchy, ray) else {
+            let Some(seen) = look(self.mesh, self.hierarchy, &ray) else {
                 let sky = self.sky(&ray);
                 sample.radiance = std::array::from_fn(|c| sample.radiance[c] + passing * sky[c]);
                 break;
