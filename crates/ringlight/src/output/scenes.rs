@@ -13,9 +13,9 @@ use std::io;
 /// Materials of the scenes below: reflectance 0.5, a darker red, and a lamp of radiance 10.
 const MATERIALS: &str = "newmtl grey\nKd .5 .5 .5\nnewmtl red\nKd .6 .1 .1\nnewmtl lamp\nKd 0 0 0\nKe 10 10 10\n";
 
-/// A floor of 4 m × 4 m, a lamp of 1 m × 1 m two metres above it, and a standing triangle.
+/// A floor of 4.2 m × 4 m, a lamp of 1 m × 1 m two metres above it, and a standing triangle.
 pub const LAMP_OVER_FLOOR: &str = "mtllib m.mtl\n\
-    v -2 0 2\nv 2 0 2\nv 2 0 -2\nv -2 0 -2\nv -.5 2 -.5\nv .5 2 -.5\nv .5 2 .5\nv -.5 2 .5\n\
+    v -2 0 2\nv 2.2 0 2\nv 2.2 0 -2\nv -2 0 -2\nv -.5 2 -.5\nv .5 2 -.5\nv .5 2 .5\nv -.5 2 .5\n\
     v -2 0 -1.5\nv 0 0 -1.5\nv -2 1 -1.5\n\
     o floor\nusemtl grey\nf 1 2 3 4\no lamp\nusemtl lamp\nf 5 6 7 8\no sail\nusemtl red\nf 9 10 11\n";
 
