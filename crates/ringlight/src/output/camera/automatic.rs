@@ -4,7 +4,7 @@
 
 use super::{Projection, View, sight};
 use crate::mesh::Mesh;
-use crate::output::seen::look;
+use crate::output::seen::{Seen, look};
 use crate::quantity::photometric;
 use crate::solution::Solution;
 use glam::DVec3;
@@ -75,6 +75,13 @@ struct Tally {
     planes: BTreeSet<u32>,
 }
 
+impl Tally {
+    /// Many things are worth more than one.
+    fn variety(&self) -> f64 {
+        (self.planes.len() as f64).sqrt()
+    }
+}
+
 impl<'a> Judge<'a> {
     fn new(solution: &'a Solution, hierarchy: &'a Hierarchy, aspect: f64) -> Judge<'a> {
         let mesh = &solution.mesh;
@@ -93,7 +100,9 @@ impl<'a> Judge<'a> {
         for (origin, direction) in rays {
             let Some(seen) = look(self.mesh, self.hierarchy, &sight(origin, direction)) else { continue };
             let light = photometric(self.solution.irradiance(seen.element));
-            let brightness = if light > 0.0 { f64::from(light / (light + self.usual)) } else { 0.0 };
+            // Lamps are to see by, not to look at.
+            let brightness =
+                if light > 0.0 && !self.emits(&seen) { f64::from(light / (light + self.usual)) } else { 0.0 };
             let distance = f64::from(seen.distance) * direction.length();
             tally.met += 1;
             tally.distance += distance;
@@ -106,6 +115,10 @@ impl<'a> Judge<'a> {
         tally
     }
 
+    fn emits(&self, seen: &Seen) -> bool {
+        self.mesh.colour(&self.mesh.patch(seen.patch), seen.element).emits()
+    }
+
     /// The best view from inside, if there is an inside.
     fn inside(&self) -> Option<View> {
         let size = self.high - self.low;
@@ -114,14 +127,22 @@ impl<'a> Judge<'a> {
             .flat_map(|&x| PLACES.iter().flat_map(move |&z| HEIGHTS.map(|y| DVec3::new(x, y, z))))
             .map(|share| self.low + share * size)
             .collect();
-        let mut eyes: Vec<(f64, f64, DVec3)> = places
+        let under_roof: Vec<(DVec3, Tally)> = places
             .par_iter()
             .filter_map(|&place| {
                 let eye = self.at_eye_height(place)?;
-                let tally = self.tally(about().map(|d| (eye, d)), size.length() / 8.0);
-                let closed = f64::from(tally.met) >= CLOSED * RAYS_ABOUT as f64;
-                (closed && tally.worth > 0.0).then(|| (tally.worth, tally.distance / f64::from(tally.met), eye))
+                Some((eye, self.tally(about().map(|d| (eye, d)), size.length() / 8.0)))
             })
+            .collect();
+        let closed = |tally: &Tally| f64::from(tally.met) >= CLOSED * RAYS_ABOUT as f64;
+        // Far back in a box that is open in front the opening looks small.
+        if 2 * under_roof.iter().filter(|(_, tally)| closed(tally)).count() < under_roof.len() {
+            return None;
+        }
+        let mut eyes: Vec<(f64, f64, DVec3)> = under_roof
+            .iter()
+            .filter(|(_, tally)| closed(tally) && tally.worth > 0.0)
+            .map(|(eye, tally)| (tally.worth * tally.variety(), tally.distance / f64::from(tally.met), *eye))
             .collect();
         eyes.sort_by(|a, b| b.0.total_cmp(&a.0));
         eyes.truncate(FINALISTS);
@@ -198,8 +219,7 @@ impl<'a> Judge<'a> {
             (DVec3::from(ray.origin.map(f64::from)), DVec3::from(ray.direction.map(f64::from)))
         });
         let tally = self.tally(rays, reference);
-        let variety = (tally.planes.len() as f64).sqrt().sqrt();
-        if reference > 0.0 { tally.worth * variety } else { tally.brightness * variety }
+        tally.variety() * if reference > 0.0 { tally.worth } else { tally.brightness }
     }
 }
 

@@ -66,10 +66,10 @@ impl<'a> Painter<'a> {
             let finish = self.finish(&seen);
             let light = self.smooth.at(seen.element, seen.within);
             let light: Rgb = std::array::from_fn(|c| light[c] + self.ambient[c]);
-            for c in 0..3 {
+            sample.radiance = std::array::from_fn(|c| {
                 let reflected = finish.coverage * finish.reflectance[c] * light[c] / PI;
-                sample.radiance[c] += passing * (reflected + finish.emission[c]);
-            }
+                sample.radiance[c] + passing * (reflected + finish.emission[c])
+            });
             sample.emits |= finish.emission.iter().any(|&x| x > 0.0);
             if finish.coverage > 0.5 && sample.illuminance.is_none() {
                 sample.illuminance = Some(photometric(light));
