@@ -1,6 +1,7 @@
 //! Lit models, pictures, tables, reports.
 
 mod exposure;
+pub mod report;
 mod smooth;
 
 pub use exposure::Exposure;
