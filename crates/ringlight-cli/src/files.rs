@@ -78,6 +78,10 @@ pub fn check_target(path: &Path, force: bool) -> anyhow::Result<()> {
     if !force && path.symlink_metadata().is_ok() {
         bail!("{}: the file exists; --force overwrites it", path.display());
     }
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        bail!("{}: there is no folder {}", path.display(), folder.display());
+    }
     temporary(path).with_context(|| format!("{}: cannot write into its folder", path.display()))?;
     Ok(())
 }

@@ -48,15 +48,16 @@ pub struct Reporter {
     style: Style,
     verbose: bool,
     start: Instant,
-    stage: Stage,
+    stage: Option<Stage>,
     last: Instant,
+    latest: Progress,
     pace: Pace,
 }
 
 /// One line of `--progress json`.
 #[derive(Serialize)]
 struct Line {
-    stage: Stage,
+    stage: Option<Stage>,
     shots: u64,
     unshot_share: f64,
     rays: u64,
@@ -76,12 +77,14 @@ impl Reporter {
             ProgressChoice::Auto if std::io::stderr().is_terminal() => Style::Bar(bar()),
             ProgressChoice::Auto => Style::Plain,
         };
-        Reporter { style, verbose, start, stage: Stage::Load, last: start, pace: Pace::default() }
+        Reporter { style, verbose, start, stage: None, last: start, latest: Progress::default(), pace: Pace::default() }
     }
 
     /// Says what begins.
     pub fn stage(&mut self, stage: Stage) {
-        self.stage = stage;
+        if std::mem::replace(&mut self.stage, Some(stage)) == Some(stage) {
+            return;
+        }
         self.last = Instant::now();
         match &self.style {
             Style::Bar(bar) => {
@@ -89,7 +92,7 @@ impl Reporter {
                 bar.tick();
             }
             Style::Plain if self.verbose => self.say(&format!("{}…", stage.name())),
-            Style::Json => self.line(&Progress::default(), 0.0, None),
+            Style::Json => self.line(&self.latest, 0.0, None),
             Style::Plain | Style::Silent => {}
         }
     }
@@ -102,6 +105,7 @@ impl Reporter {
             Style::Json => Duration::from_millis(500),
             Style::Silent => return,
         };
+        self.latest = *progress;
         let now = Instant::now();
         self.pace.note(now, progress);
         if !end && now - self.last < interval {
@@ -109,7 +113,7 @@ impl Reporter {
         }
         self.last = now;
         let rate = self.pace.rays_per_second(now, progress);
-        let left = self.pace.seconds_left(now, progress, stop, now - self.start);
+        let left = if end { None } else { self.pace.seconds_left(now, progress, stop, now - self.start) };
         match &self.style {
             Style::Bar(bar) => {
                 bar.set_position((1000.0 * done(progress, stop)) as u64);
@@ -209,7 +213,7 @@ impl Pace {
         let measured =
             |change: f64, missing: f64| (change > 0.0 && span > 0.0).then(|| missing.max(0.0) * span / change);
         let decay = before.unshot_share.ln() - progress.unshot_share.ln();
-        let by_light = measured(decay, progress.unshot_share.ln() - stop.until.max(1e-300).ln());
+        let by_light = measured(decay, progress.unshot_share.ln() - stop.until.ln());
         let shots = (progress.shots - before.shots) as f64;
         let by_shots = stop.max_shots.and_then(|n| measured(shots, n.saturating_sub(progress.shots) as f64));
         let by_time = stop.time_limit.map(|limit| (limit - elapsed.as_secs_f64()).max(0.0));
