@@ -1,7 +1,7 @@
 //! The command line: a contract that scripts rely on.
 
 use crate::outputs::Output;
-use crate::values::{self, CameraChoice, CheckpointChoice, ExposureChoice, PictureSize};
+use crate::values::{self, CheckpointChoice, ExposureChoice, PictureSize};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -227,7 +227,7 @@ pub struct DisplayArguments {
     pub ambient: bool,
     /// Camera: a name in the scene, or position;target;vertical field of view in degrees
     #[arg(long, value_name = "NAME|ex,ey,ez;tx,ty,tz;fov", value_parser = values::camera, allow_hyphen_values = true)]
-    pub camera: Option<CameraChoice>,
+    pub camera: Option<String>,
     /// Size of pictures, pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = values::size)]
     pub size: PictureSize,

@@ -3,7 +3,7 @@
 use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice};
 use crate::failure::{End, Failure};
 use crate::input;
-use crate::outputs::{self, Others};
+use crate::outputs::{self, Content, Others};
 use crate::progress::Stage;
 use crate::run::{self, Run};
 use ringlight::mesh::{self, Mesh};
@@ -41,10 +41,9 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     let state = State::new(&world);
     let solved = run.solve(&description, &world, state, &arguments.stop);
     drop(world);
-    drop(hierarchy);
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
-    let outcome = run.write(&solution, &arguments.targets, &arguments.display);
+    let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
     let mut reported = run::settings(&settings, &solution.mesh, &arguments.stop);
     let quality = arguments.sizes.quality;
     reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());

@@ -3,7 +3,7 @@
 use crate::arguments::Export;
 use crate::failure::{End, Failure};
 use crate::input;
-use crate::outputs::{self, Others};
+use crate::outputs::{self, Content, Others};
 
 /// Writes outputs of a solution.
 pub fn export(arguments: &Export) -> Result<End, Failure> {
@@ -16,8 +16,9 @@ pub fn export(arguments: &Export) -> Result<End, Failure> {
             eprintln!("warning: {} ({} missing)", warning.message, warning.count);
         }
     }
+    let content = Content::new(&solution, &arguments.display, None);
     for output in &arguments.targets.output {
-        outputs::write(output, &solution, &arguments.display)?;
+        outputs::write(output, &content)?;
     }
     Ok(End::Done)
 }

@@ -3,7 +3,7 @@
 use anyhow::{Context, bail};
 use ringlight::resources::{Bytes, Resources};
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Component, Path, PathBuf};
 
 /// The bytes of a file: mapped if it is a regular one, else read.
@@ -137,8 +137,14 @@ impl Write for NewFile {
     }
 }
 
+impl Seek for NewFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.out.seek(to)
+    }
+}
+
 /// Writes a file: all of it, or nothing.
-pub fn write<T>(path: &Path, content: impl FnOnce(&mut dyn Write) -> io::Result<T>) -> anyhow::Result<T> {
+pub fn write<T>(path: &Path, content: impl FnOnce(&mut NewFile) -> io::Result<T>) -> anyhow::Result<T> {
     let whole = || {
         let mut file = NewFile::create(path)?;
         let result = content(&mut file)?;

@@ -4,10 +4,12 @@
 use crate::arguments::{DisplayArguments, Targets};
 use crate::failure::Failure;
 use crate::files;
-use crate::values::CameraChoice;
 use anyhow::{anyhow, bail};
+use ringlight::mesh;
 use ringlight::scene::{Camera, Place, Warnings};
 use ringlight::solution::{self, Solution};
+use ringlight_visibility::Hierarchy;
+use std::cell::OnceCell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -132,13 +134,16 @@ fn identity(path: &Path) -> PathBuf {
     folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default())
 }
 
-/// Whether the camera that pictures ask for is there.
+/// Whether the camera that pictures ask for is there. Cameras without a name are called `camera 0`, `camera 1`, …
 pub fn check_camera(display: &DisplayArguments, cameras: &[Camera]) -> Result<(), Failure> {
+    let name_of = |(number, camera): (usize, &Camera)| match camera.name.as_str() {
+        "" => format!("camera {number}"),
+        name => name.to_owned(),
+    };
+    let names: Vec<String> = cameras.iter().enumerate().map(name_of).collect();
     match &display.camera {
-        Some(CameraChoice::Named(name)) if !cameras.iter().any(|camera| camera.name == *name) => {
-            let names: Vec<String> = cameras.iter().map(|camera| format!("'{}'", camera.name)).collect();
-            let known =
-                if names.is_empty() { "it has no camera".into() } else { format!("it has {}", names.join(", ")) };
+        Some(name) if !name.contains(';') && !names.contains(name) => {
+            let known = if names.is_empty() { "it has none".into() } else { format!("it has {}", names.join(", ")) };
             Err(Failure::Usage(format!("the scene has no camera '{name}'; {known}")))
         }
         _ => Ok(()),
@@ -157,13 +162,34 @@ pub fn missing_images(solution: &Solution, targets: &Targets) -> Warnings {
     warnings
 }
 
+/// What outputs show, and how.
+pub struct Content<'a> {
+    /// The light.
+    pub solution: &'a Solution,
+    /// How.
+    pub display: &'a DisplayArguments,
+    hierarchy: OnceCell<Hierarchy>,
+}
+
+impl<'a> Content<'a> {
+    /// Content whose hierarchy is built when it is needed, unless it is at hand.
+    pub fn new(solution: &'a Solution, display: &'a DisplayArguments, hierarchy: Option<Hierarchy>) -> Content<'a> {
+        Content { solution, display, hierarchy: hierarchy.map_or_else(OnceCell::new, OnceCell::from) }
+    }
+
+    /// Finds what cameras see.
+    pub fn hierarchy(&self) -> &Hierarchy {
+        self.hierarchy.get_or_init(|| mesh::hierarchy(&self.solution.mesh))
+    }
+}
+
 /// Writes one output.
-pub fn write(output: &Output, solution: &Solution, display: &DisplayArguments) -> anyhow::Result<Written> {
-    let _ = display;
+pub fn write(output: &Output, content: &Content<'_>) -> anyhow::Result<Written> {
     let path = &output.path;
     match output.kind {
-        Kind::Solution => files::write(path, |out| solution::write(solution, out))?,
+        Kind::Solution => files::write(path, |out| solution::write(content.solution, out))?,
         Kind::LitBinary | Kind::LitText | Kind::Table | Kind::Grid | Kind::Png | Kind::Exr => {
+            let _ = (content.display, content.hierarchy());
             bail!("{}: this kind of output is not built yet", path.display())
         }
     }

@@ -82,7 +82,7 @@ impl Reporter {
 
     /// Says what begins.
     pub fn stage(&mut self, stage: Stage) {
-        if std::mem::replace(&mut self.stage, Some(stage)) == Some(stage) {
+        if self.stage.replace(stage) == Some(stage) {
             return;
         }
         self.last = Instant::now();

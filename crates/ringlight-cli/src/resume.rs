@@ -3,7 +3,7 @@
 use crate::arguments::Resume;
 use crate::failure::{End, Failure};
 use crate::input;
-use crate::outputs::{self, Others};
+use crate::outputs::{self, Content, Others};
 use crate::progress::Stage;
 use crate::run::{self, Run};
 use ringlight::mesh;
@@ -28,10 +28,9 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     }
     let solved = run.solve(&description, &world, state, &arguments.stop);
     drop(world);
-    drop(hierarchy);
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
-    let outcome = run.write(&solution, &arguments.targets, &arguments.display);
+    let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
     let reported = run::settings(&settings, &solution.mesh, &arguments.stop);
     run.end(&solution, end, reported.into(), outcome)
 }

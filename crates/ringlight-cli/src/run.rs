@@ -1,10 +1,10 @@
 //! A run: scene or solution → light → files, stage by stage, timed.
 
-use crate::arguments::{DisplayArguments, RunArguments, StopArguments, Targets};
+use crate::arguments::{RunArguments, StopArguments, Targets};
 use crate::failure::{End, Failure};
 use crate::files;
 use crate::machine;
-use crate::outputs::{self, Others, Written};
+use crate::outputs::{self, Content, Others, Written};
 use crate::progress::{Reporter, Stage};
 use crate::signals::Signals;
 use crate::values::CheckpointChoice;
@@ -15,6 +15,7 @@ use ringlight::scene::{Place, Warnings};
 use ringlight::solution::{self, Description, Snapshot, Solution};
 use ringlight::solve::{self, Control, Energy, Progress, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Alone;
+use std::io::Write;
 use std::time::Instant;
 
 /// What lasts from the start of a command to its end.
@@ -148,14 +149,14 @@ impl<'a> Run<'a> {
     }
 
     /// Writes the outputs and the last checkpoint. One that fails does not keep the others from being written.
-    pub fn write(&mut self, solution: &Solution, targets: &Targets, display: &DisplayArguments) -> Outcome {
+    pub fn write(&mut self, content: &Content<'_>, targets: &Targets) -> Outcome {
         self.stage(Stage::Write, |run| {
             let mut outcome = Outcome::default();
             if let Some(choice) = &run.arguments.checkpoint {
-                outcome.note(files::write(&choice.file, |out| solution::write(solution, out)));
+                outcome.note(files::write(&choice.file, |out| solution::write(content.solution, out)));
             }
             for output in &targets.output {
-                match outputs::write(output, solution, display) {
+                match outputs::write(output, content) {
                     Ok(Written { clipped }) => {
                         outcome.clipped = outcome.clipped.max(clipped);
                         run.detail(&format!("wrote {}", output.path.display()));
