@@ -1,5 +1,6 @@
 //! Files: what a scene refers to, and writing that leaves no half-written file.
 
+use crate::map;
 use anyhow::{Context, bail};
 use ringlight::resources::{Bytes, Resources};
 use std::fs::File;
@@ -14,18 +15,9 @@ pub fn open(path: &Path) -> io::Result<Bytes> {
         return Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder"));
     }
     if data.is_file() && data.len() > 0 {
-        return map(&file);
+        return map::whole(&file);
     }
     Ok(Bytes::new(std::fs::read(path)?))
-}
-
-/// Maps a whole file for reading.
-#[allow(unsafe_code)]
-fn map(file: &File) -> io::Result<Bytes> {
-    // SAFETY: the map is only read, as bytes that may hold anything. What Rust cannot rule out is that another program
-    // changes or cuts the file meanwhile; as for any program that maps its input, the user must not do that.
-    let map = unsafe { memmap2::Mmap::map(file)? };
-    Ok(Bytes::new(map))
 }
 
 /// The folder that holds `path`.

@@ -9,6 +9,7 @@ mod files;
 mod input;
 mod inspect;
 mod machine;
+mod map;
 mod outputs;
 mod progress;
 mod resume;

@@ -241,7 +241,8 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], Failure> {
-        let (head, rest) = self.bytes.split_first_chunk().ok_or_else(|| format!("{}: the file ends early", self.file))?;
+        let (head, rest) =
+            self.bytes.split_first_chunk().ok_or_else(|| format!("{}: the file ends early", self.file))?;
         self.bytes = rest;
         Ok(*head)
     }

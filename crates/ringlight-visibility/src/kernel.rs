@@ -95,7 +95,8 @@ impl Packet {
         chunk: usize,
     ) -> bool {
         let t = &candidate.prepared;
-        let x = [Self::lanes(simd, &self.x, chunk), Self::lanes(simd, &self.y, chunk), Self::lanes(simd, &self.z, chunk)];
+        let x =
+            [Self::lanes(simd, &self.x, chunk), Self::lanes(simd, &self.y, chunk), Self::lanes(simd, &self.z, chunk)];
         let low = S::as_simd_u32s(&self.words[0]).0[chunk];
         let high = S::as_simd_u32s(&self.words[1]).0[chunk];
         let reach = Self::lanes(simd, &self.reach, chunk);
@@ -233,12 +234,7 @@ impl<S: Machine> View<S> {
     /// The function n·(c−x) of the cell.
     #[inline(always)]
     fn affine(plan: &Plan, n: LaneVector<S>, anchor: LaneVector<S>) -> Affine<S> {
-        Affine {
-            base: dot_lanes(n, anchor),
-            u: dot(n, plan.edge_u),
-            v: dot(n, plan.edge_v),
-            w: dot(n, plan.twist),
-        }
+        Affine { base: dot_lanes(n, anchor), u: dot(n, plan.edge_u), v: dot(n, plan.edge_v), w: dot(n, plan.twist) }
     }
 
     #[inline(always)]
@@ -263,8 +259,7 @@ impl<S: Machine> View<S> {
             return None;
         }
         let [a, b, c] = self.normals(simd, t);
-        let (a, b, c) =
-            (Self::affine(plan, a, anchor), Self::affine(plan, b, anchor), Self::affine(plan, c, anchor));
+        let (a, b, c) = (Self::affine(plan, a, anchor), Self::affine(plan, b, anchor), Self::affine(plan, c, anchor));
         let [a_bottom, a_top] = a.bounds::<KIND>(simd, plan);
         let [b_bottom, b_top] = b.bounds::<KIND>(simd, plan);
         let [c_bottom, c_top] = c.bounds::<KIND>(simd, plan);

@@ -109,7 +109,11 @@ impl Plan {
     /// Bound on the distance from `x` to any cell; for directions, on their length.
     #[inline(always)]
     pub fn reach(&self, x: Vector) -> f32 {
-        if self.kind == Kind::Directions { norm(self.anchor) + self.spread } else { norm(sub(self.anchor, x)) + self.spread }
+        if self.kind == Kind::Directions {
+            norm(self.anchor) + self.spread
+        } else {
+            norm(sub(self.anchor, x)) + self.spread
+        }
     }
 
     /// From `x` to cell `k`.

@@ -104,11 +104,7 @@ impl Prepared {
     #[inline(always)]
     pub fn planes(&self, x: Vector) -> ([Vector; 3], f32) {
         let (to_first, to_second) = (sub(self.corners[0], x), sub(self.corners[1], x));
-        let normals = [
-            cross(to_first, self.edges[0]),
-            cross(to_second, self.edges[1]),
-            cross(self.edges[2], to_first),
-        ];
+        let normals = [cross(to_first, self.edges[0]), cross(to_second, self.edges[1]), cross(self.edges[2], to_first)];
         (normals, dot(self.normal, to_first))
     }
 
@@ -215,12 +211,7 @@ pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray
         (place(triangle.corners[0]), place(triangle.corners[1])),
         (Some(0), Some(1)) | (Some(1), Some(2)) | (Some(2), Some(0))
     );
-    Some(Hit {
-        distance: way,
-        triangle: triangle.id,
-        barycentric: [share[1], share[2]],
-        front: (height < 0.0) == even,
-    })
+    Some(Hit { distance: way, triangle: triangle.id, barycentric: [share[1], share[2]], front: (height < 0.0) == even })
 }
 
 /// Whether `a` is to be reported rather than `b`: the nearer, then the lower id.
