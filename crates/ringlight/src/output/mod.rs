@@ -10,6 +10,7 @@ mod picture;
 #[cfg(test)]
 mod scenes;
 mod seen;
+pub mod report;
 mod smooth;
 mod table;
 mod vtu;
