@@ -23,14 +23,10 @@ fn main() -> Result<(), Failure> {
     let options = Options::parse(std::env::args().skip(1))?;
     let triangles = read_triangles(&std::fs::read(&options.scene)?)?;
     let rays = Rays::read(&std::fs::read(&options.rays)?)?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads)
-        .build()?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build()?;
 
     let begin = Instant::now();
-    let hierarchy = pool
-        .install(|| Hierarchy::build(triangles, Vec::new()))
-        .with_instruction_set(options.instructions);
+    let hierarchy = pool.install(|| Hierarchy::build(triangles, Vec::new())).with_instruction_set(options.instructions);
     let build_seconds = begin.elapsed().as_secs_f64();
 
     let (mut seconds, mut masks) = (Vec::new(), Vec::new());
@@ -43,11 +39,7 @@ fn main() -> Result<(), Failure> {
     let visible: u64 = masks.iter().map(|mask| u64::from(mask.count_ones())).sum();
     let mut sorted = seconds.clone();
     sorted.sort_by(f64::total_cmp);
-    let grids = rays
-        .shooters
-        .iter()
-        .filter(|s| matches!(s.cells, Cells::Grid(_)))
-        .count();
+    let grids = rays.shooters.iter().filter(|s| matches!(s.cells, Cells::Grid(_))).count();
     let report = serde_json::json!({
         "rays": count as u64,
         "blocked": count as u64 - visible,
@@ -63,13 +55,7 @@ fn main() -> Result<(), Failure> {
     });
     println!("{report}");
     if let Some(path) = options.masks {
-        std::fs::write(
-            path,
-            masks
-                .iter()
-                .flat_map(|mask| mask.to_le_bytes())
-                .collect::<Vec<u8>>(),
-        )?;
+        std::fs::write(path, masks.iter().flat_map(|mask| mask.to_le_bytes()).collect::<Vec<u8>>())?;
     }
     Ok(())
 }
@@ -95,11 +81,7 @@ impl Options {
             instructions: InstructionSet::best(),
         };
         while let Some(argument) = arguments.next() {
-            let mut value = || {
-                arguments
-                    .next()
-                    .ok_or_else(|| format!("{argument} needs a value"))
-            };
+            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
             match argument.as_str() {
                 "--threads" => options.threads = value()?.parse()?,
                 "--runs" => options.runs = value()?.parse()?,
@@ -110,29 +92,18 @@ impl Options {
                         "avx2" => InstructionSet::Avx2,
                         "portable" => InstructionSet::Portable,
                         other => {
-                            return Err(format!(
-                                "--instructions: avx512, avx2 or portable, not {other}"
-                            )
-                            .into());
+                            return Err(format!("--instructions: avx512, avx2 or portable, not {other}").into());
                         }
                     };
                     if !InstructionSet::available().contains(&options.instructions) {
-                        return Err(
-                            format!("this machine has no {:?}", options.instructions).into()
-                        );
+                        return Err(format!("this machine has no {:?}", options.instructions).into());
                     }
                 }
                 _ => files.push(argument),
             }
         }
-        let [scene, rays] = files
-            .try_into()
-            .map_err(|_| "usage: replay SCENE.tris FILE.rays [options]")?;
-        Ok(Options {
-            scene,
-            rays,
-            ..options
-        })
+        let [scene, rays] = files.try_into().map_err(|_| "usage: replay SCENE.tris FILE.rays [options]")?;
+        Ok(Options { scene, rays, ..options })
     }
 }
 
@@ -146,9 +117,7 @@ fn replay(hierarchy: &Hierarchy, rays: &Rays, threads: usize) -> Vec<u64> {
         while first < range.end {
             let (job, after) = rest.split_at_mut(JOB.min(range.end - first));
             jobs.push(std::sync::Mutex::new((shooter, first, job)));
-            first += jobs
-                .last_mut()
-                .map_or(0, |job| job.get_mut().map_or(0, |job| job.2.len()));
+            first += jobs.last_mut().map_or(0, |job| job.get_mut().map_or(0, |job| job.2.len()));
             rest = after;
         }
     }
@@ -168,12 +137,7 @@ fn replay(hierarchy: &Hierarchy, rays: &Rays, threads: usize) -> Vec<u64> {
                     }
                     masks.fill(shooter.cells.all());
                     let [x, y, z] = &points;
-                    let points = Points {
-                        x,
-                        y,
-                        z,
-                        plane: &plane[..masks.len()],
-                    };
+                    let points = Points { x, y, z, plane: &plane[..masks.len()] };
                     hierarchy.clear_blocked(shooter, points, masks);
                 }
             });
@@ -193,19 +157,12 @@ struct Rays {
 
 impl Rays {
     fn read(bytes: &[u8]) -> Result<Rays, Failure> {
-        let mut reader = Reader {
-            bytes,
-            file: "rays",
-        };
+        let mut reader = Reader { bytes, file: "rays" };
         reader.magic(b"RLRAYS01")?;
-        let [shooters, cells, receivers, pairs] =
-            [reader.u64()?, reader.u64()?, reader.u64()?, reader.u64()?];
+        let [shooters, cells, receivers, pairs] = [reader.u64()?, reader.u64()?, reader.u64()?, reader.u64()?];
         let (near, far) = (reader.f32()?, reader.f32()?);
         if near != 0.0 || !(1..=64).contains(&cells) {
-            return Err(format!(
-                "rays: expected near 0 and 1 to 64 cells, found {near} and {cells}"
-            )
-            .into());
+            return Err(format!("rays: expected near 0 and 1 to 64 cells, found {near} and {cells}").into());
         }
         let mut read = Rays {
             cells: cells as usize,
@@ -215,35 +172,18 @@ impl Rays {
             receiver_index: Vec::new(),
         };
         for _ in 0..shooters {
-            let points = (0..cells)
-                .map(|_| reader.point())
-                .collect::<Result<Vec<_>, _>>()?;
+            let points = (0..cells).map(|_| reader.point()).collect::<Result<Vec<_>, _>>()?;
             let cells = grid_of(&points).map_or(Cells::Points(points), Cells::Grid);
-            read.shooters.push(Shooter {
-                cells,
-                plane: NO_PLANE,
-                far,
-            });
+            read.shooters.push(Shooter { cells, plane: NO_PLANE, far });
         }
-        read.receivers = (0..receivers)
-            .map(|_| reader.point())
-            .collect::<Result<_, _>>()?;
-        let starts = (0..=shooters)
-            .map(|_| reader.u64())
-            .collect::<Result<Vec<_>, _>>()?;
-        read.pairs = starts
-            .windows(2)
-            .map(|pair| pair[0] as usize..pair[1] as usize)
-            .collect();
+        read.receivers = (0..receivers).map(|_| reader.point()).collect::<Result<_, _>>()?;
+        let starts = (0..=shooters).map(|_| reader.u64()).collect::<Result<Vec<_>, _>>()?;
+        read.pairs = starts.windows(2).map(|pair| pair[0] as usize..pair[1] as usize).collect();
         read.receiver_index = (0..pairs).map(|_| reader.u32()).collect::<Result<_, _>>()?;
         if starts.first() != Some(&0) || starts.last() != Some(&pairs) || !starts.is_sorted() {
             return Err("rays: the shooters' pairs do not add up".into());
         }
-        if read
-            .receiver_index
-            .iter()
-            .any(|&r| u64::from(r) >= receivers)
-        {
+        if read.receiver_index.iter().any(|&r| u64::from(r) >= receivers) {
             return Err("rays: a pair names a receiver that is not there".into());
         }
         Ok(read)
@@ -259,11 +199,7 @@ fn grid_of(points: &[[f32; 3]]) -> Option<Grid> {
     let at = |i: usize, j: usize, axis: usize| f64::from(points[j * side + i][axis]);
     let last = side - 1;
     let slope = |from: f64, to: f64| {
-        if last == 0 {
-            0.0
-        } else {
-            (to - from) * side as f64 / last as f64
-        }
+        if last == 0 { 0.0 } else { (to - from) * side as f64 / last as f64 }
     };
     let edge_u: [f64; 3] = std::array::from_fn(|a| slope(at(0, 0, a), at(last, 0, a)));
     let edge_v: [f64; 3] = std::array::from_fn(|a| slope(at(0, 0, a), at(0, last, a)));
@@ -276,10 +212,7 @@ fn grid_of(points: &[[f32; 3]]) -> Option<Grid> {
         layout: Layout::Quad,
         side: side as u32,
     };
-    let size = points
-        .iter()
-        .flatten()
-        .fold(0f32, |size, c| size.max(c.abs()));
+    let size = points.iter().flatten().fold(0f32, |size, c| size.max(c.abs()));
     let deviation = points.iter().enumerate().flat_map(|(k, p)| {
         let q = grid.point(k);
         (0..3).map(move |a| (p[a] - q[a]).abs())
@@ -288,30 +221,18 @@ fn grid_of(points: &[[f32; 3]]) -> Option<Grid> {
 }
 
 fn read_triangles(bytes: &[u8]) -> Result<Vec<Triangle>, Failure> {
-    let mut reader = Reader {
-        bytes,
-        file: "scene",
-    };
+    let mut reader = Reader { bytes, file: "scene" };
     reader.magic(b"RLTRIS01")?;
     let (vertices, triangles) = (reader.u64()?, reader.u64()?);
-    let vertices = (0..vertices)
-        .map(|_| reader.point())
-        .collect::<Result<Vec<_>, _>>()?;
+    let vertices = (0..vertices).map(|_| reader.point()).collect::<Result<Vec<_>, _>>()?;
     (0..triangles as u32)
         .map(|id| {
             let mut corners = [[0.0; 3]; 3];
             for corner in &mut corners {
                 let index = reader.u32()? as usize;
-                *corner = *vertices
-                    .get(index)
-                    .ok_or_else(|| format!("scene: triangle {id} has no vertex {index}"))?;
+                *corner = *vertices.get(index).ok_or_else(|| format!("scene: triangle {id} has no vertex {index}"))?;
             }
-            Ok(Triangle {
-                corners,
-                plane: NO_PLANE,
-                id,
-                filter: OPAQUE,
-            })
+            Ok(Triangle { corners, plane: NO_PLANE, id, filter: OPAQUE })
         })
         .collect()
 }
@@ -324,10 +245,8 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], Failure> {
-        let (head, rest) = self
-            .bytes
-            .split_first_chunk()
-            .ok_or_else(|| format!("{}: the file ends early", self.file))?;
+        let (head, rest) =
+            self.bytes.split_first_chunk().ok_or_else(|| format!("{}: the file ends early", self.file))?;
         self.bytes = rest;
         Ok(*head)
     }
@@ -336,12 +255,7 @@ impl Reader<'_> {
         if self.take()? == *expected {
             Ok(())
         } else {
-            Err(format!(
-                "{}: does not begin with {}",
-                self.file,
-                String::from_utf8_lossy(expected)
-            )
-            .into())
+            Err(format!("{}: does not begin with {}", self.file, String::from_utf8_lossy(expected)).into())
         }
     }
 

@@ -66,10 +66,7 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    pub const EMPTY: Bounds = Bounds {
-        low: [f32::INFINITY; 3],
-        high: [f32::NEG_INFINITY; 3],
-    };
+    pub const EMPTY: Bounds = Bounds { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
 
     #[inline(always)]
     fn join(&mut self, other: &Bounds) {
@@ -128,30 +125,15 @@ impl<'a> Part<'a> {
     fn new(items: &'a mut [Item], first: usize, depth: usize) -> Part<'a> {
         let mut bounds = Bounds::EMPTY;
         items.iter().for_each(|item| bounds.join(&item.bounds));
-        Part {
-            whole: items.len() <= 1,
-            items,
-            first,
-            bounds,
-            depth,
-        }
+        Part { whole: items.len() <= 1, items, first, bounds, depth }
     }
 }
 
 /// Orders the triangles, and makes the nodes; the first is the root. Also returns the box of all.
 pub(crate) fn build(triangles: &mut Vec<Triangle>) -> (Vec<Node>, Bounds) {
-    assert!(
-        triangles.len() <= Child::MOST,
-        "a hierarchy holds at most {} triangles",
-        Child::MOST
-    );
-    let mut items: Vec<Item> = (0..)
-        .zip(triangles.iter())
-        .map(|(index, t)| Item {
-            bounds: around(t),
-            index,
-        })
-        .collect();
+    assert!(triangles.len() <= Child::MOST, "a hierarchy holds at most {} triangles", Child::MOST);
+    let mut items: Vec<Item> =
+        (0..).zip(triangles.iter()).map(|(index, t)| Item { bounds: around(t), index }).collect();
     if items.is_empty() {
         return (Vec::new(), Bounds::EMPTY);
     }
@@ -161,10 +143,7 @@ pub(crate) fn build(triangles: &mut Vec<Triangle>) -> (Vec<Node>, Bounds) {
         leaf @ Tree::Leaf(..) => Tree::Inner(bounds, vec![leaf]),
         inner => inner,
     };
-    let ordered = items
-        .iter()
-        .map(|item| triangles[item.index as usize])
-        .collect();
+    let ordered = items.iter().map(|item| triangles[item.index as usize]).collect();
     *triangles = ordered;
     let mut nodes = Vec::new();
     flatten(&tree, &mut nodes);
@@ -174,9 +153,7 @@ pub(crate) fn build(triangles: &mut Vec<Triangle>) -> (Vec<Node>, Bounds) {
 
 fn around(t: &Triangle) -> Bounds {
     let mut bounds = Bounds::EMPTY;
-    t.corners
-        .iter()
-        .for_each(|&c| bounds.join(&Bounds { low: c, high: c }));
+    t.corners.iter().for_each(|&c| bounds.join(&Bounds { low: c, high: c }));
     bounds
 }
 
@@ -186,13 +163,7 @@ fn grow(part: Part) -> Tree {
     let mut parts = vec![part];
     while parts.len() < WIDTH {
         let area = |p: &Part| if p.whole { -1.0 } else { p.bounds.half_area() };
-        let Some(widest) = (0..parts.len()).reduce(|a, b| {
-            if area(&parts[b]) > area(&parts[a]) {
-                b
-            } else {
-                a
-            }
-        }) else {
+        let Some(widest) = (0..parts.len()).reduce(|a, b| if area(&parts[b]) > area(&parts[a]) { b } else { a }) else {
             break;
         };
         if parts[widest].whole {
@@ -208,12 +179,7 @@ fn grow(part: Part) -> Tree {
         let part = &parts[0];
         return Tree::Leaf(bounds, part.first, part.items.len());
     }
-    parts.sort_by(|a, b| {
-        b.bounds
-            .half_area()
-            .total_cmp(&a.bounds.half_area())
-            .then(a.first.cmp(&b.first))
-    });
+    parts.sort_by(|a, b| b.bounds.half_area().total_cmp(&a.bounds.half_area()).then(a.first.cmp(&b.first)));
     Tree::Inner(bounds, grow_all(parts))
 }
 
@@ -229,11 +195,7 @@ fn grow_all(mut parts: Vec<Part>) -> Vec<Tree> {
 }
 
 fn grow_one(part: Part) -> Tree {
-    if part.whole {
-        Tree::Leaf(part.bounds, part.first, part.items.len())
-    } else {
-        grow(part)
-    }
+    if part.whole { Tree::Leaf(part.bounds, part.first, part.items.len()) } else { grow(part) }
 }
 
 /// The cheapest of the splits between bins of centres; `Err` gives the part back as a leaf where none is cheaper.
@@ -242,10 +204,7 @@ fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
     let mut centres = Bounds::EMPTY;
     for item in part.items.iter() {
         let centre = std::array::from_fn(|i| item.centre(i));
-        centres.join(&Bounds {
-            low: centre,
-            high: centre,
-        });
+        centres.join(&Bounds { low: centre, high: centre });
     }
     let scale: Vector = std::array::from_fn(|i| BINS as f32 / (centres.high[i] - centres.low[i]));
     let bin = |item: &Item, axis: usize| {
@@ -261,21 +220,13 @@ fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
         }
     }
     let mut best = (f32::INFINITY, 0, 0);
-    for (axis, bins) in bins
-        .iter()
-        .enumerate()
-        .filter(|&(axis, _)| centres.high[axis] > centres.low[axis])
-    {
+    for (axis, bins) in bins.iter().enumerate().filter(|&(axis, _)| centres.high[axis] > centres.low[axis]) {
         let mut above = [f32::INFINITY; BINS];
         let (mut bounds, mut inside) = (Bounds::EMPTY, 0);
         for i in (1..BINS).rev() {
             bounds.join(&bins[i].0);
             inside += bins[i].1;
-            above[i] = if inside == 0 {
-                f32::INFINITY
-            } else {
-                bounds.half_area() * inside as f32
-            };
+            above[i] = if inside == 0 { f32::INFINITY } else { bounds.half_area() * inside as f32 };
         }
         (bounds, inside) = (Bounds::EMPTY, 0);
         for i in 1..BINS {
@@ -298,25 +249,13 @@ fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
         partition(part.items, |item| bin(item, axis) < border)
     } else {
         // By centre, so that halves stay apart as far as they can.
-        let axis = (0..3).fold(0, |a, b| {
-            if centres.high[b] - centres.low[b] > centres.high[a] - centres.low[a] {
-                b
-            } else {
-                a
-            }
-        });
-        part.items.sort_unstable_by(|a, b| {
-            a.centre(axis)
-                .total_cmp(&b.centre(axis))
-                .then(a.index.cmp(&b.index))
-        });
+        let axis = (0..3)
+            .fold(0, |a, b| if centres.high[b] - centres.low[b] > centres.high[a] - centres.low[a] { b } else { a });
+        part.items.sort_unstable_by(|a, b| a.centre(axis).total_cmp(&b.centre(axis)).then(a.index.cmp(&b.index)));
         count / 2
     };
     let (left, right) = part.items.split_at_mut(middle);
-    Ok((
-        Part::new(left, part.first, part.depth + 1),
-        Part::new(right, part.first + middle, part.depth + 1),
-    ))
+    Ok((Part::new(left, part.first, part.depth + 1), Part::new(right, part.first + middle, part.depth + 1)))
 }
 
 /// Moves those with `first` to the front; returns how many.
@@ -345,8 +284,7 @@ fn flatten(tree: &Tree, nodes: &mut Vec<Node>) -> Child {
     };
     for (i, child) in children.iter().enumerate() {
         for axis in 0..3 {
-            (node.low[axis][i], node.high[axis][i]) =
-                (child.bounds().low[axis], child.bounds().high[axis]);
+            (node.low[axis][i], node.high[axis][i]) = (child.bounds().low[axis], child.bounds().high[axis]);
         }
     }
     nodes.push(node);

@@ -69,21 +69,10 @@ impl Hierarchy {
         let given = triangles.len();
         triangles.retain(|t| !is_sliver(t));
         let slivers = given - triangles.len();
-        let screens = filters
-            .iter()
-            .map(|f| USUAL_COUNTS.map(|count| f.cells(count)))
-            .collect();
+        let screens = filters.iter().map(|f| USUAL_COUNTS.map(|count| f.cells(count))).collect();
         let (nodes, bounds) = build(&mut triangles);
         let instruction_set = InstructionSet::best();
-        Hierarchy {
-            triangles,
-            filters,
-            screens,
-            nodes,
-            bounds,
-            slivers,
-            instruction_set,
-        }
+        Hierarchy { triangles, filters, screens, nodes, bounds, slivers, instruction_set }
     }
 
     /// Uses the given vector instructions instead of the best ones; the results are the same.
@@ -97,39 +86,20 @@ impl Hierarchy {
     /// Runs on the calling thread, and fastest when points that follow each other are near each other.
     pub fn clear_blocked(&self, shooter: &Shooter, points: Points<'_>, masks: &mut [u64]) -> Tally {
         assert!(
-            [
-                points.y.len(),
-                points.z.len(),
-                points.plane.len(),
-                masks.len()
-            ]
-            .iter()
-            .all(|&n| n == points.len()),
+            [points.y.len(), points.z.len(), points.plane.len(), masks.len()].iter().all(|&n| n == points.len()),
             "coordinates, planes and masks must be as many as the points"
         );
         if shooter.cells.is_empty() {
             let masks = masks.len() as u64;
-            return Tally {
-                rays: 0,
-                masks,
-                masks_without_rays: masks,
-            };
+            return Tally { rays: 0, masks, masks_without_rays: masks };
         }
         let plan = Plan::new(shooter);
-        self.instruction_set.run(mask::Clear {
-            hierarchy: self,
-            plan: &plan,
-            points,
-            masks,
-        })
+        self.instruction_set.run(mask::Clear { hierarchy: self, plan: &plan, points, masks })
     }
 
     /// The nearest hit of `ray`; cutouts let it through their holes, screens are hit.
     pub fn nearest_hit(&self, ray: &Ray) -> Option<Hit> {
-        self.instruction_set.run(nearest::Nearest {
-            hierarchy: self,
-            ray,
-        })
+        self.instruction_set.run(nearest::Nearest { hierarchy: self, ray })
     }
 
     /// The triangles, in the hierarchy's order, without the slivers.

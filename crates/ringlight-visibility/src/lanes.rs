@@ -25,59 +25,40 @@ impl<S: Machine> Lanes<S> {
 
     #[inline(always)]
     pub fn splat(simd: S, value: f32) -> Self {
-        Lanes {
-            simd,
-            value: simd.splat_f32s(value),
-        }
+        Lanes { simd, value: simd.splat_f32s(value) }
     }
 
     #[inline(always)]
     pub fn abs(self) -> Self {
-        Lanes {
-            simd: self.simd,
-            value: self.simd.abs_f32s(self.value),
-        }
+        Lanes { simd: self.simd, value: self.simd.abs_f32s(self.value) }
     }
 
     #[inline(always)]
     pub fn min(self, other: Self) -> Self {
-        Lanes {
-            simd: self.simd,
-            value: self.simd.min_f32s(self.value, other.value),
-        }
+        Lanes { simd: self.simd, value: self.simd.min_f32s(self.value, other.value) }
     }
 
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {
-        Lanes {
-            simd: self.simd,
-            value: self.simd.max_f32s(self.value, other.value),
-        }
+        Lanes { simd: self.simd, value: self.simd.max_f32s(self.value, other.value) }
     }
 
     /// Exclusive or of the bits, used to flip signs.
     #[inline(always)]
     pub fn flip(self, sign: Self) -> Self {
-        Lanes {
-            simd: self.simd,
-            value: self.simd.xor_f32s(self.value, sign.value),
-        }
+        Lanes { simd: self.simd, value: self.simd.xor_f32s(self.value, sign.value) }
     }
 
     /// The sign bit alone.
     #[inline(always)]
     pub fn sign(self) -> Self {
         let bit = self.simd.splat_f32s(-0.0);
-        Lanes {
-            simd: self.simd,
-            value: self.simd.and_f32s(self.value, bit),
-        }
+        Lanes { simd: self.simd, value: self.simd.and_f32s(self.value, bit) }
     }
 
     #[inline(always)]
     pub fn at_least(self, other: Self) -> S::m32s {
-        self.simd
-            .greater_than_or_equal_f32s(self.value, other.value)
+        self.simd.greater_than_or_equal_f32s(self.value, other.value)
     }
 
     #[inline(always)]
@@ -97,10 +78,7 @@ macro_rules! operator {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Lanes {
-                    simd: self.simd,
-                    value: self.simd.$call(self.value, other.value),
-                }
+                Lanes { simd: self.simd, value: self.simd.$call(self.value, other.value) }
             }
         }
         impl<S: Machine> $trait<f32> for Lanes<S> {
@@ -139,11 +117,7 @@ pub(crate) fn abs<S: Machine>(a: LaneVector<S>) -> LaneVector<S> {
 /// The same vector in every lane.
 #[inline(always)]
 pub(crate) fn splat<S: Machine>(simd: S, a: [f32; 3]) -> LaneVector<S> {
-    [
-        Lanes::splat(simd, a[0]),
-        Lanes::splat(simd, a[1]),
-        Lanes::splat(simd, a[2]),
-    ]
+    [Lanes::splat(simd, a[0]), Lanes::splat(simd, a[1]), Lanes::splat(simd, a[2])]
 }
 
 /// Sum of the absolute coordinates.
@@ -162,11 +136,7 @@ pub(crate) fn from_point<S: Machine>(a: [f32; 3], x: LaneVector<S>) -> LaneVecto
 /// a × b.
 #[inline(always)]
 pub(crate) fn cross<S: Machine>(a: LaneVector<S>, b: [f32; 3]) -> LaneVector<S> {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 /// a · b with `b` the same for all receivers.
@@ -185,4 +155,10 @@ pub(crate) fn dot_lanes<S: Machine>(a: LaneVector<S>, b: LaneVector<S>) -> Lanes
 #[inline(always)]
 pub(crate) fn any<S: Machine>(simd: S, mask: S::m32s) -> bool {
     simd.bits(mask) != 0
+}
+
+/// The lanes in which a bit is set.
+#[inline(always)]
+pub(crate) fn nonzero<S: Machine>(simd: S, word: S::u32s) -> S::m32s {
+    simd.not_m32s(simd.equal_u32s(word, simd.splat_u32s(0)))
 }

@@ -2,7 +2,7 @@
 
 use crate::build::{STACK, Target};
 use crate::instruction_set::{Machine, Task};
-use crate::kernel::{Candidate, PACKET, Packet};
+use crate::packet::{Candidate, PACKET, Packet};
 use crate::plan::Plan;
 use crate::predicate::Prepared;
 use crate::shaft::Shaft;
@@ -21,19 +21,9 @@ impl Task for Clear<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> Tally {
-        let Clear {
-            hierarchy,
-            plan,
-            points,
-            masks,
-        } = self;
+        let Clear { hierarchy, plan, points, masks } = self;
         let mut tally = Tally::default();
-        let mut search = Search {
-            hierarchy,
-            plan,
-            last_blocker: None,
-            tested: false,
-        };
+        let mut search = Search { hierarchy, plan, last_blocker: None, tested: false };
         for numbers in in_packets(points).chunks(PACKET) {
             let mut packet = pack(plan, points, numbers, masks);
             let mut idle = 0;
@@ -45,11 +35,7 @@ impl Task for Clear<'_> {
             search.tested = false;
             search.descend(machine, &mut packet);
             tally.masks += numbers.len() as u64;
-            tally.masks_without_rays += if search.tested {
-                idle
-            } else {
-                numbers.len() as u64
-            };
+            tally.masks_without_rays += if search.tested { idle } else { numbers.len() as u64 };
             for (lane, &number) in numbers.iter().enumerate() {
                 let mask = &mut masks[number as u32 as usize];
                 *mask = (*mask & !plan.all) | packet.mask(lane);
@@ -72,8 +58,7 @@ fn in_packets(points: Points) -> Vec<u64> {
         let scale = 1023.0 / scale;
         for (i, number) in numbers.iter_mut().enumerate() {
             // The cast saturates, and takes NaN to 0.
-            let [x, y, z] =
-                std::array::from_fn(|a| spread(((points.at(i)[a] - low[a]) * scale) as u32));
+            let [x, y, z] = std::array::from_fn(|a| spread(((points.at(i)[a] - low[a]) * scale) as u32));
             *number |= u64::from(x | y << 1 | z << 2) << 32;
         }
         numbers.sort_unstable();
@@ -106,14 +91,7 @@ fn pack(plan: &Plan, points: Points, numbers: &[u64], masks: &[u64]) -> Packet {
         [packet.x[lane], packet.y[lane], packet.z[lane]] = x;
         packet.reach[lane] = plan.reach(x);
         packet.plane[lane] = points.plane[i];
-        packet.set_mask(
-            lane,
-            if lane < numbers.len() {
-                masks[i] & plan.all
-            } else {
-                0
-            },
-        );
+        packet.set_mask(lane, if lane < numbers.len() { masks[i] & plan.all } else { 0 });
     }
     packet
 }
@@ -197,15 +175,9 @@ impl Search<'_> {
         let cutout = if triangle.filter == OPAQUE {
             None
         } else {
-            Some(&hierarchy.filters[triangle.filter as usize])
-                .filter(|f| matches!(f, Filter::Cutout { .. }))
+            Some(&hierarchy.filters[triangle.filter as usize]).filter(|f| matches!(f, Filter::Cutout { .. }))
         };
-        let candidate = Candidate {
-            triangle,
-            prepared: Prepared::new(triangle),
-            cells,
-            cutout,
-        };
+        let candidate = Candidate { triangle, prepared: Prepared::new(triangle), cells, cutout };
         let blocked = packet.clear(machine, plan, &candidate);
         if blocked {
             self.last_blocker = Some(index);

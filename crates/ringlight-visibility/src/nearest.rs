@@ -22,13 +22,7 @@ impl Task for Nearest<'_> {
         if hierarchy.nodes.is_empty() {
             return None;
         }
-        let inverse = ray.direction.map(|d| {
-            if d.abs() > 1e-30 {
-                1.0 / d
-            } else {
-                1e30f32.copysign(d)
-            }
-        });
+        let inverse = ray.direction.map(|d| if d.abs() > 1e-30 { 1.0 / d } else { 1e30f32.copysign(d) });
         let mut stack = [(0.0f32, Child::ROOT); STACK];
         let mut height = 1;
         while height > 0 {
@@ -43,8 +37,7 @@ impl Task for Nearest<'_> {
                         if triangle.plane == ray.plane && ray.plane != NO_PLANE {
                             continue;
                         }
-                        if let Some(hit) =
-                            ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
+                        if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
                             && is_nearer(&hit, &best)
                         {
                             best = Some(hit);
@@ -78,13 +71,7 @@ impl Task for Nearest<'_> {
 /// The children whose boxes the ray passes before `far`, as bits, and where it enters them. Boxes grow with their
 /// distance, see [`SHAFT_MARGIN`].
 #[inline(always)]
-fn passed<M: Machine>(
-    machine: M,
-    node: &Node,
-    origin: [f32; 3],
-    inverse: [f32; 3],
-    far: f32,
-) -> (u32, [f32; WIDTH]) {
+fn passed<M: Machine>(machine: M, node: &Node, origin: [f32; 3], inverse: [f32; 3], far: f32) -> (u32, [f32; WIDTH]) {
     let (mut bits, mut enters) = (0, [0.0; WIDTH]);
     for chunk in 0..WIDTH / M::F32_LANES {
         let mut low = splat(machine, [0.0; 3]);
@@ -93,25 +80,18 @@ fn passed<M: Machine>(
             low[i] = Lanes::new(machine, M::as_simd_f32s(&node.low[i]).0[chunk]) - origin[i];
             high[i] = Lanes::new(machine, M::as_simd_f32s(&node.high[i]).0[chunk]) - origin[i];
         }
-        let farthest = [
-            low[0].abs().max(high[0].abs()),
-            low[1].abs().max(high[1].abs()),
-            low[2].abs().max(high[2].abs()),
-        ];
+        let farthest =
+            [low[0].abs().max(high[0].abs()), low[1].abs().max(high[1].abs()), low[2].abs().max(high[2].abs())];
         let margin = ((farthest[0] + farthest[1]) + farthest[2]) * SHAFT_MARGIN;
         let mut enter = Lanes::splat(machine, 0.0);
         let mut leave = Lanes::splat(machine, far);
         for i in 0..3 {
-            let (s, t) = (
-                (low[i] - margin) * inverse[i],
-                (high[i] + margin) * inverse[i],
-            );
+            let (s, t) = ((low[i] - margin) * inverse[i], (high[i] + margin) * inverse[i]);
             enter = enter.max(s.min(t));
             leave = leave.min(s.max(t));
         }
         let filled = high[0].at_least(low[0]);
-        bits |=
-            machine.bits(machine.and_m32s(filled, leave.at_least(enter))) << (chunk * M::F32_LANES);
+        bits |= machine.bits(machine.and_m32s(filled, leave.at_least(enter))) << (chunk * M::F32_LANES);
         M::as_mut_simd_f32s(&mut enters).0[chunk] = enter.value;
     }
     (bits, enters)

@@ -50,10 +50,7 @@ pub(crate) struct Plan {
 impl Plan {
     pub fn new(shooter: &Shooter) -> Plan {
         let count = shooter.cells.len();
-        assert!(
-            (1..=MAX_CELLS).contains(&count),
-            "a shooter has 1 to {MAX_CELLS} cells, not {count}"
-        );
+        assert!((1..=MAX_CELLS).contains(&count), "a shooter has 1 to {MAX_CELLS} cells, not {count}");
         let mut plan = Plan {
             kind: Kind::Points,
             side: 0,
@@ -75,11 +72,7 @@ impl Plan {
         };
         match &shooter.cells {
             Cells::Grid(grid) => {
-                plan.kind = if grid.twist == [0.0; 3] {
-                    Kind::Grid
-                } else {
-                    Kind::TwistedGrid
-                };
+                plan.kind = if grid.twist == [0.0; 3] { Kind::Grid } else { Kind::TwistedGrid };
                 if grid.layout == Layout::Quad && plan.kind == Kind::Grid {
                     plan.side = grid.side as usize;
                 }
@@ -87,12 +80,7 @@ impl Plan {
                     plan.cells[k] = grid.point(k);
                     [plan.u[k], plan.v[k]] = grid.layout.centre(grid.side, k);
                 }
-                let range = |t: &[f32]| {
-                    [
-                        t.iter().copied().fold(1.0, f32::min),
-                        t.iter().copied().fold(0.0, f32::max),
-                    ]
-                };
+                let range = |t: &[f32]| [t.iter().copied().fold(1.0, f32::min), t.iter().copied().fold(0.0, f32::max)];
                 plan.u_range = range(&plan.u[..count]);
                 plan.v_range = range(&plan.v[..count]);
                 (plan.anchor, plan.edge_u, plan.edge_v, plan.twist) =
@@ -103,9 +91,7 @@ impl Plan {
                 plan.cells[..count].copy_from_slice(cells);
                 let (low, high) = around(cells);
                 plan.anchor = std::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]);
-                plan.half = std::array::from_fn(|i| {
-                    (high[i] - plan.anchor[i]).max(plan.anchor[i] - low[i]) * 1.00001
-                });
+                plan.half = std::array::from_fn(|i| (high[i] - plan.anchor[i]).max(plan.anchor[i] - low[i]) * 1.00001);
                 plan.spread = norm(plan.half);
                 if matches!(shooter.cells, Cells::Directions(_)) {
                     plan.kind = Kind::Directions;
@@ -129,11 +115,7 @@ impl Plan {
     /// From `x` to cell `k`.
     #[inline(always)]
     fn towards(&self, x: Vector, k: usize) -> Vector {
-        if self.kind == Kind::Directions {
-            self.cells[k]
-        } else {
-            sub(self.cells[k], x)
-        }
+        if self.kind == Kind::Directions { self.cells[k] } else { sub(self.cells[k], x) }
     }
 
     /// n·(c−x) + allowance for cell `k`.
@@ -143,15 +125,7 @@ impl Plan {
             Kind::Points | Kind::Directions => dot(n, self.towards(x, k)) + allowance,
             Kind::Grid | Kind::TwistedGrid => {
                 let base = dot(n, sub(self.anchor, x)) + allowance;
-                self.affine(
-                    [
-                        base,
-                        dot(n, self.edge_u),
-                        dot(n, self.edge_v),
-                        dot(n, self.twist),
-                    ],
-                    k,
-                )
+                self.affine([base, dot(n, self.edge_u), dot(n, self.edge_v), dot(n, self.twist)], k)
             }
         }
     }
@@ -166,8 +140,7 @@ impl Plan {
             Kind::Points => scale * dot(t.normal, self.towards(x, k)) - height.abs(),
             Kind::Grid | Kind::TwistedGrid => {
                 let base = scale * dot(t.normal, sub(self.anchor, x)) - height.abs();
-                let slopes =
-                    [self.edge_u, self.edge_v, self.twist].map(|edge| scale * dot(t.normal, edge));
+                let slopes = [self.edge_u, self.edge_v, self.twist].map(|edge| scale * dot(t.normal, edge));
                 self.affine([base, slopes[0], slopes[1], slopes[2]], k)
             }
         }
@@ -176,11 +149,7 @@ impl Plan {
     /// base + v·b + u·a + u·v·w, rows first, so that in an untwisted grid row and column terms are added once each.
     #[inline(always)]
     fn affine(&self, [base, a, b, w]: [f32; 4], k: usize) -> f32 {
-        let slope = if self.kind == Kind::TwistedGrid {
-            a + self.v[k] * w
-        } else {
-            a
-        };
+        let slope = if self.kind == Kind::TwistedGrid { a + self.v[k] * w } else { a };
         (base + self.v[k] * b) + self.u[k] * slope
     }
 
@@ -189,12 +158,9 @@ impl Plan {
         match self.kind {
             Kind::Directions => {
                 let rise = 1f32.copysign(height) * dot(t.normal, self.cells[k]);
-                rise < t.grazing * self.reach(x)
+                rise < t.grazing() * self.reach(x)
             }
-            _ => {
-                height.abs()
-                    < t.grazing * ((norm(sub(t.corners[0], x)) + t.longest) + self.reach(x))
-            }
+            _ => height.abs() < t.grazing() * ((norm(sub(t.corners[0], x)) + t.longest) + self.reach(x)),
         }
     }
 
@@ -211,21 +177,13 @@ impl Plan {
 
 /// The greatest distance (in the sum of coordinates) from `x` to a corner.
 pub(crate) fn distance(t: &Prepared, x: Vector) -> f32 {
-    t.corners
-        .iter()
-        .map(|&c| norm(sub(c, x)))
-        .fold(0.0, f32::max)
+    t.corners.iter().map(|&c| norm(sub(c, x))).fold(0.0, f32::max)
 }
 
 /// Box around points.
 fn around(points: &[Vector]) -> (Vector, Vector) {
     (
         std::array::from_fn(|i| points.iter().map(|p| p[i]).fold(f32::INFINITY, f32::min)),
-        std::array::from_fn(|i| {
-            points
-                .iter()
-                .map(|p| p[i])
-                .fold(f32::NEG_INFINITY, f32::max)
-        }),
+        std::array::from_fn(|i| points.iter().map(|p| p[i]).fold(f32::NEG_INFINITY, f32::max)),
     )
 }

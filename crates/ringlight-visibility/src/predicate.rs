@@ -52,11 +52,7 @@ pub(crate) fn sub(a: Vector, b: Vector) -> Vector {
 
 #[inline(always)]
 pub(crate) fn cross(a: Vector, b: Vector) -> Vector {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[inline(always)]
@@ -81,8 +77,6 @@ pub(crate) struct Prepared {
     pub normal: Vector,
     /// Bound on the length of the longest edge, metres.
     pub longest: f32,
-    /// GRAZING · longest².
-    pub grazing: f32,
     /// ROUNDING · longest.
     pub rounding: f32,
 }
@@ -92,37 +86,26 @@ impl Prepared {
     pub fn new(triangle: &Triangle) -> Prepared {
         // Sorted without branches, which would be mispredicted: the three comparisons name the permutation.
         let [a, b, c] = triangle.corners;
-        let order = usize::from(before(a, b))
-            | usize::from(before(b, c)) << 1
-            | usize::from(before(a, c)) << 2;
+        let order = usize::from(before(a, b)) | usize::from(before(b, c)) << 1 | usize::from(before(a, c)) << 2;
         let [a, b, c] = ORDERS[order].map(|i| triangle.corners[i as usize]);
         let edges = [sub(b, a), sub(c, b), sub(c, a)];
-        let squared = greatest([
-            dot(edges[0], edges[0]),
-            dot(edges[1], edges[1]),
-            dot(edges[2], edges[2]),
-        ]);
         let longest = greatest([norm(edges[0]), norm(edges[1]), norm(edges[2])]);
-        Prepared {
-            corners: [a, b, c],
-            edges,
-            normal: cross(edges[0], edges[2]),
-            longest,
-            grazing: GRAZING * squared,
-            rounding: ROUNDING * longest,
-        }
+        Prepared { corners: [a, b, c], edges, normal: cross(edges[0], edges[2]), longest, rounding: ROUNDING * longest }
     }
 
     /// The edge planes' normals seen from `x`, and T.
     #[inline(always)]
     pub fn planes(&self, x: Vector) -> ([Vector; 3], f32) {
         let (to_first, to_second) = (sub(self.corners[0], x), sub(self.corners[1], x));
-        let normals = [
-            cross(to_first, self.edges[0]),
-            cross(to_second, self.edges[1]),
-            cross(self.edges[2], to_first),
-        ];
+        let normals = [cross(to_first, self.edges[0]), cross(to_second, self.edges[1]), cross(self.edges[2], to_first)];
         (normals, dot(self.normal, to_first))
+    }
+
+    /// GRAZING · longest².
+    #[inline(always)]
+    pub fn grazing(&self) -> f32 {
+        let [a, b, c] = self.edges;
+        GRAZING * greatest([dot(a, a), dot(b, b), dot(c, c)])
     }
 
     /// What rounding may take from an edge function, see [`ROUNDING`]; `reach` bounds the way to the cells.
@@ -134,10 +117,7 @@ impl Prepared {
     /// Least and greatest coordinates.
     pub fn bounds(&self) -> (Vector, Vector) {
         let [a, b, c] = self.corners;
-        (
-            std::array::from_fn(|i| a[i].min(b[i]).min(c[i])),
-            std::array::from_fn(|i| a[i].max(b[i]).max(c[i])),
-        )
+        (std::array::from_fn(|i| a[i].min(b[i]).min(c[i])), std::array::from_fn(|i| a[i].max(b[i]).max(c[i])))
     }
 
     /// Where the ray from `x` along `d` is within `margin` of the triangle's box, as distances in units of `d` between
@@ -170,16 +150,7 @@ fn greatest([a, b, c]: [f32; 3]) -> f32 {
 
 /// The corners' order for the answers a < b, b < c, a < c (bits 0 to 2). The answers of 3 and 4 contradict each other
 /// but for equal points, which make slivers.
-const ORDERS: [[u8; 3]; 8] = [
-    [2, 1, 0],
-    [2, 0, 1],
-    [1, 2, 0],
-    [0, 1, 2],
-    [0, 1, 2],
-    [0, 2, 1],
-    [1, 0, 2],
-    [0, 1, 2],
-];
+const ORDERS: [[u8; 3]; 8] = [[2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 1, 2], [0, 1, 2], [0, 2, 1], [1, 0, 2], [0, 1, 2]];
 
 /// The order of coordinates, x first; equal points are not before each other.
 #[inline(always)]
@@ -192,9 +163,7 @@ pub(crate) fn is_sliver(triangle: &Triangle) -> bool {
     let t = Prepared::new(triangle);
     let squared = t.edges.iter().map(|&e| dot(e, e)).fold(0.0, f32::max);
     let area = dot(t.normal, t.normal).sqrt();
-    let finite = triangle.corners.iter().flatten().all(|c| c.is_finite())
-        && area.is_finite()
-        && squared.is_finite();
+    let finite = triangle.corners.iter().flatten().all(|c| c.is_finite()) && area.is_finite() && squared.is_finite();
     !finite || squared == 0.0 || area < SLIVER * squared
 }
 
@@ -203,16 +172,15 @@ pub(crate) fn is_sliver(triangle: &Triangle) -> bool {
 #[inline(always)]
 fn is_inside(inside: [f32; 3], nearly: [f32; 3], allowance: f32) -> bool {
     inside.iter().all(|&e| e >= 0.0)
-        || nearly.iter().all(|&e| e >= 0.0)
-            && inside.iter().filter(|&&e| e <= allowance).count() >= 2
+        || nearly.iter().all(|&e| e >= 0.0) && inside.iter().filter(|&&e| e <= allowance).count() >= 2
 }
 
 /// Barycentric weights of the corners in the order of their coordinates, or `None`: the triangle hides cell `k` of the
 /// shooter from `x`, before filters and plane ids are asked.
 pub(crate) fn hit(plan: &Plan, t: &Prepared, x: Vector, k: usize) -> Option<[f32; 3]> {
     let (normals, height) = t.planes(x);
-    // Also false for NaN, which only coordinates beyond 1e9 can bring about.
-    if !(height.abs() > 0.0) {
+    // Only coordinates beyond 1e9 can bring about NaN.
+    if height == 0.0 || height.is_nan() {
         return None;
     }
     let sign = 1f32.copysign(height);
@@ -242,16 +210,11 @@ pub(crate) fn barycentric(triangle: &Triangle, t: &Prepared, weights: [f32; 3]) 
 }
 
 /// The hit of one ray with one triangle, plane ids apart: the same edge functions with the ray's direction for the cell.
-pub(crate) fn ray_hit(
-    triangle: &Triangle,
-    t: &Prepared,
-    filters: &[Filter],
-    ray: &Ray,
-) -> Option<Hit> {
+pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray: &Ray) -> Option<Hit> {
     let (normals, height) = t.planes(ray.origin);
     let sign = 1f32.copysign(height);
     let rise = sign * dot(t.normal, ray.direction);
-    if !(height.abs() > 0.0 && rise > 0.0) {
+    if height == 0.0 || height.is_nan() || rise <= 0.0 {
         return None;
     }
     let allowance = t.allowance(ray.origin, norm(ray.direction));
@@ -260,7 +223,7 @@ pub(crate) fn ray_hit(
         return None;
     }
     let mut way = height.abs() / rise;
-    if rise < t.grazing * norm(ray.direction) {
+    if rise < t.grazing() * norm(ray.direction) {
         let margin = BOX_MARGIN * distance(t, ray.origin);
         let (enter, leave) = t.pass_box(ray.origin, ray.direction, margin, f32::INFINITY)?;
         way = way.max(enter).min(leave);
@@ -277,12 +240,7 @@ pub(crate) fn ray_hit(
         (place(triangle.corners[0]), place(triangle.corners[1])),
         (Some(0), Some(1)) | (Some(1), Some(2)) | (Some(2), Some(0))
     );
-    Some(Hit {
-        distance: way,
-        triangle: triangle.id,
-        barycentric: [share[1], share[2]],
-        front: (height < 0.0) == even,
-    })
+    Some(Hit { distance: way, triangle: triangle.id, barycentric: [share[1], share[2]], front: (height < 0.0) == even })
 }
 
 /// Whether `a` is to be reported rather than `b`: the nearer, then the lower id.

@@ -5,8 +5,8 @@
 use crate::instruction_set::Machine;
 
 use crate::build::{Bounds, Node, WIDTH};
-use crate::kernel::{PACKET, Packet};
 use crate::lanes::{Lanes, any, splat};
+use crate::packet::{PACKET, Packet};
 use crate::plan::{Kind, Plan};
 use crate::predicate::{SHAFT_MARGIN, Vector, cross, dot, norm, sub};
 
@@ -47,16 +47,8 @@ impl Shaft {
         }
         if plan.kind == Kind::Directions {
             // No triangle is farther than this from any of the receivers.
-            reach = (0..3)
-                .map(|i| {
-                    (scene.high[i] - points.0[i])
-                        .max(points.1[i] - scene.low[i])
-                        .max(0.0)
-                })
-                .sum();
-            let shortest = plan.cells[..plan.count]
-                .iter()
-                .map(|d| d.map(f32::abs).into_iter().fold(0.0, f32::max));
+            reach = (0..3).map(|i| (scene.high[i] - points.0[i]).max(points.1[i] - scene.low[i]).max(0.0)).sum();
+            let shortest = plan.cells[..plan.count].iter().map(|d| d.map(f32::abs).into_iter().fold(0.0, f32::max));
             // Along any direction, this leaves the scene.
             let way = 1.01 * reach / shortest.filter(|&d| d > 0.0).fold(1.0, f32::min);
             cells = (
@@ -67,10 +59,7 @@ impl Shaft {
         let margin = SHAFT_MARGIN * reach;
         let centre: Vector = std::array::from_fn(|i| 0.5 * points.0[i] + 0.5 * points.1[i]);
         let grown = |(low, high): (Vector, Vector)| {
-            (
-                sub(low, centre).map(|c| c - margin),
-                sub(high, centre).map(|c| c + margin),
-            )
+            (sub(low, centre).map(|c| c - margin), sub(high, centre).map(|c| c + margin))
         };
         let (from, to) = (grown(points), grown(cells));
         let mut shaft = Shaft {
@@ -91,58 +80,31 @@ impl Shaft {
     }
 
     /// Planes along `axis` through corners of both boxes that have both boxes on one side.
-    fn add_hull_planes(
-        &mut self,
-        from: (Vector, Vector),
-        to: (Vector, Vector),
-        axis: usize,
-        extent: f32,
-    ) {
+    fn add_hull_planes(&mut self, from: (Vector, Vector), to: (Vector, Vector), axis: usize, extent: f32) {
         let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
         for corner in 0..4 {
             let (right, top) = (corner & 1 == 1, corner & 2 == 2);
-            let pick = |b: (Vector, Vector)| {
-                [
-                    if right { b.1[i] } else { b.0[i] },
-                    if top { b.1[j] } else { b.0[j] },
-                ]
-            };
+            let pick = |b: (Vector, Vector)| [if right { b.1[i] } else { b.0[i] }, if top { b.1[j] } else { b.0[j] }];
             let (p, q) = (pick(from), pick(to));
             let along = [q[0] - p[0], q[1] - p[1]];
             let outward = [if right { 1.0 } else { -1.0 }, if top { 1.0 } else { -1.0 }];
             // The perpendicular points outward in both coordinates, or the plane supports only one of the boxes.
-            let normal = if along[1] * outward[0] > 0.0 {
-                [along[1], -along[0]]
-            } else {
-                [-along[1], along[0]]
-            };
+            let normal = if along[1] * outward[0] > 0.0 { [along[1], -along[0]] } else { [-along[1], along[0]] };
             if normal[0] * outward[0] > 0.0 && normal[1] * outward[1] > 0.0 {
                 let mut plane = Plane::default();
                 (plane.normal[i], plane.normal[j]) = (normal[0], normal[1]);
-                plane.offset =
-                    (normal[0] * p[0] + normal[1] * p[1]).max(normal[0] * q[0] + normal[1] * q[1]);
+                plane.offset = (normal[0] * p[0] + normal[1] * p[1]).max(normal[0] * q[0] + normal[1] * q[1]);
                 self.add(plane, extent);
             }
         }
     }
 
     /// What lies behind the shooter hides nothing of it from receivers in front.
-    fn add_shooter_plane(
-        &mut self,
-        plan: &Plan,
-        points: (Vector, Vector),
-        margin: f32,
-        extent: f32,
-    ) {
+    fn add_shooter_plane(&mut self, plan: &Plan, points: (Vector, Vector), margin: f32, extent: f32) {
         let normal = cross(plan.edge_u, plan.edge_v);
         let origin = sub(plan.anchor, self.centre);
         let (low, high) = (sub(points.0, self.centre), sub(points.1, self.centre));
-        let farthest = |n: Vector| {
-            dot(
-                n,
-                std::array::from_fn(|i| if n[i] > 0.0 { high[i] } else { low[i] }),
-            )
-        };
+        let farthest = |n: Vector| dot(n, std::array::from_fn(|i| if n[i] > 0.0 { high[i] } else { low[i] }));
         for normal in [normal, normal.map(|n| -n)] {
             if farthest(normal) <= dot(normal, origin) {
                 let offset = dot(normal, origin) + margin * norm(normal);
@@ -166,11 +128,8 @@ impl Shaft {
             let mut low = splat(simd, self.low);
             let mut high = splat(simd, self.high);
             for i in 0..3 {
-                low[i] = low[i]
-                    .max(Lanes::new(simd, S::as_simd_f32s(&node.low[i]).0[chunk]) - self.centre[i]);
-                high[i] = high[i].min(
-                    Lanes::new(simd, S::as_simd_f32s(&node.high[i]).0[chunk]) - self.centre[i],
-                );
+                low[i] = low[i].max(Lanes::new(simd, S::as_simd_f32s(&node.low[i]).0[chunk]) - self.centre[i]);
+                high[i] = high[i].min(Lanes::new(simd, S::as_simd_f32s(&node.high[i]).0[chunk]) - self.centre[i]);
             }
             let mut inside = high[0].at_least(low[0]);
             inside = simd.and_m32s(inside, high[1].at_least(low[1]));
@@ -199,17 +158,14 @@ impl Shaft {
         (0..3).all(|i| low[i] <= high[i])
             && self.planes[..self.count].iter().all(|plane| {
                 let n = plane.normal;
-                dot(
-                    n,
-                    std::array::from_fn(|i| if n[i] > 0.0 { low[i] } else { high[i] }),
-                ) <= plane.offset
+                dot(n, std::array::from_fn(|i| if n[i] > 0.0 { low[i] } else { high[i] })) <= plane.offset
             })
     }
 }
 
 fn extend(bounds: &mut (Vector, Vector), p: Vector) {
-    for i in 0..3 {
-        bounds.0[i] = bounds.0[i].min(p[i]);
-        bounds.1[i] = bounds.1[i].max(p[i]);
+    for (i, c) in p.into_iter().enumerate() {
+        bounds.0[i] = bounds.0[i].min(c);
+        bounds.1[i] = bounds.1[i].max(c);
     }
 }

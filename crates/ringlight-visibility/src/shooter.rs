@@ -32,11 +32,7 @@ impl Layout {
     pub fn centre(self, side: u32, k: usize) -> [f32; 2] {
         let n = side as f32;
         match self {
-            Layout::Quad => [
-                (k as u32 % side) as f32 + 0.5,
-                (k as u32 / side) as f32 + 0.5,
-            ]
-            .map(|t| t / n),
+            Layout::Quad => [(k as u32 % side) as f32 + 0.5, (k as u32 / side) as f32 + 0.5].map(|t| t / n),
             Layout::Triangle => {
                 let (mut row, mut i) = (0, k as u32);
                 while i >= 2 * (side - row) - 1 {
@@ -64,9 +60,7 @@ impl Grid {
     /// Position of cell `k`, metres.
     pub fn point(&self, k: usize) -> [f32; 3] {
         let [u, v] = self.layout.centre(self.side, k);
-        std::array::from_fn(|i| {
-            self.origin[i] + u * self.edge_u[i] + v * self.edge_v[i] + u * v * self.twist[i]
-        })
+        std::array::from_fn(|i| self.origin[i] + u * self.edge_u[i] + v * self.edge_v[i] + u * v * self.twist[i])
     }
 }
 
@@ -97,11 +91,7 @@ impl Cells {
 
     /// The mask with a bit for every cell.
     pub fn all(&self) -> u64 {
-        if self.len() == 64 {
-            u64::MAX
-        } else {
-            (1 << self.len()) - 1
-        }
+        if self.len() == 64 { u64::MAX } else { (1 << self.len()) - 1 }
     }
 }
 

@@ -50,8 +50,7 @@ impl Bitmap {
     /// Whether the texel under (u, v) blocks; coordinates repeat, v grows with the row.
     pub fn blocks(&self, uv: [f32; 2]) -> bool {
         let texel = |t: f32, n: u32| (((t - t.floor()) * n as f32) as u32).min(n - 1);
-        let i = texel(uv[1], self.height) as usize * self.width as usize
-            + texel(uv[0], self.width) as usize;
+        let i = texel(uv[1], self.height) as usize * self.width as usize + texel(uv[0], self.width) as usize;
         self.bits[i >> 6] >> (i & 63) & 1 == 1
     }
 }
@@ -59,11 +58,7 @@ impl Bitmap {
 impl Filter {
     /// The cells out of `count` that a screen may block; all of them for a cutout.
     pub fn cells(&self, count: usize) -> u64 {
-        let all = if count == 64 {
-            u64::MAX
-        } else {
-            (1u64 << count) - 1
-        };
+        let all = if count == 64 { u64::MAX } else { (1u64 << count) - 1 };
         match *self {
             Filter::Cutout { .. } => all,
             Filter::Screen { share, seed } => {
@@ -73,17 +68,11 @@ impl Filter {
                 let size = count.next_power_of_two() as u32;
                 let bits = size.trailing_zeros();
                 let key = |k: u32| {
-                    if bits == 0 {
-                        0
-                    } else {
-                        (k ^ (seed % size)).reverse_bits() >> (32 - bits)
-                    }
+                    if bits == 0 { 0 } else { (k ^ (seed % size)).reverse_bits() >> (32 - bits) }
                 };
                 (0..count as u32)
                     .filter(|&k| {
-                        let rank = (0..count as u32)
-                            .filter(|&other| key(other) < key(k))
-                            .count();
+                        let rank = (0..count as u32).filter(|&other| key(other) < key(k)).count();
                         (rank as f32 + 0.5) / (count as f32) < share
                     })
                     .fold(0, |mask, k| mask | 1 << k)
@@ -96,9 +85,7 @@ impl Filter {
         match self {
             Filter::Screen { .. } => true,
             Filter::Cutout { bitmap, uv } => {
-                let at = |i: usize| {
-                    (weights[0] * uv[0][i] + weights[1] * uv[1][i]) + weights[2] * uv[2][i]
-                };
+                let at = |i: usize| (weights[0] * uv[0][i] + weights[1] * uv[1][i]) + weights[2] * uv[2][i];
                 bitmap.blocks([at(0), at(1)])
             }
         }

@@ -6,68 +6,30 @@ use common::{Place, Random, Samples, filters, hierarchies, samples, shooter, tri
 use proptest::prelude::*;
 use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Tally, reference};
 
-fn every_instruction_set_gives_the_reference_masks(
-    seed: u64,
-    count: usize,
-) -> Result<u64, TestCaseError> {
+fn every_instruction_set_gives_the_reference_masks(seed: u64, count: usize) -> Result<u64, TestCaseError> {
     let random = &mut Random(seed);
     let place = Place::random(random);
     let filters = filters(random);
-    let triangles = triangles(
-        random,
-        place,
-        count,
-        if seed % 2 == 0 { filters.len() } else { 0 },
-    );
+    let triangles = triangles(random, place, count, if seed.is_multiple_of(2) { filters.len() } else { 0 });
     let hierarchies = hierarchies(&triangles, &filters);
     let mut cleared = 0;
     for _ in 0..4 {
         let shooter = shooter(random, place);
         let samples = samples(random, place);
         let all = shooter.cells.all();
-        let given: Vec<u64> = samples
-            .x
-            .iter()
-            .map(|_| {
-                if random.below(4) == 0 {
-                    random.bits() & all
-                } else {
-                    all
-                }
-            })
-            .collect();
+        let given: Vec<u64> =
+            samples.x.iter().map(|_| if random.below(4) == 0 { random.bits() & all } else { all }).collect();
         let mut expected = given.clone();
-        reference::clear_blocked(
-            &triangles,
-            &filters,
-            &shooter,
-            samples.points(),
-            &mut expected,
-        );
+        reference::clear_blocked(&triangles, &filters, &shooter, samples.points(), &mut expected);
         for (set, hierarchy) in &hierarchies {
             let mut masks = given.clone();
             let tally = hierarchy.clear_blocked(&shooter, samples.points(), &mut masks);
-            prop_assert_eq!(
-                &masks,
-                &expected,
-                "seed {}, {:?}, {:?}, {:?}",
-                seed,
-                set,
-                place,
-                shooter
-            );
-            let rays = given
-                .iter()
-                .map(|mask| u64::from(mask.count_ones()))
-                .sum::<u64>();
+            prop_assert_eq!(&masks, &expected, "seed {}, {:?}, {:?}, {:?}", seed, set, place, shooter);
+            let rays = given.iter().map(|mask| u64::from(mask.count_ones())).sum::<u64>();
             prop_assert_eq!((tally.masks, tally.rays), (given.len() as u64, rays));
             prop_assert!(tally.masks_without_rays <= tally.masks);
         }
-        cleared += given
-            .iter()
-            .zip(&expected)
-            .map(|(a, b)| u64::from((a ^ b).count_ones()))
-            .sum::<u64>();
+        cleared += given.iter().zip(&expected).map(|(a, b)| u64::from((a ^ b).count_ones())).sum::<u64>();
     }
     Ok(cleared)
 }
@@ -139,33 +101,23 @@ proptest! {
 /// The comparisons above would hold for a predicate that never blocks.
 #[test]
 fn random_scenes_block_a_good_share_of_the_rays() {
-    let cleared: u64 = (0..20)
-        .map(|seed| every_instruction_set_gives_the_reference_masks(seed, 40).expect("masks agree"))
-        .sum();
+    let cleared: u64 =
+        (0..20).map(|seed| every_instruction_set_gives_the_reference_masks(seed, 40).expect("masks agree")).sum();
     assert!(cleared > 20_000, "only {cleared} rays were blocked");
 }
 
 #[test]
 fn coordinates_that_are_not_finite_block_nothing() {
     let random = &mut Random(1);
-    let place = Place {
-        scale: 1.0,
-        offset: [0.0; 3],
-    };
+    let place = Place { scale: 1.0, offset: [0.0; 3] };
     let good = triangles(random, place, 30, 0);
     let mut bad = good.clone();
-    for (i, value) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY]
-        .into_iter()
-        .enumerate()
-    {
+    for (i, value) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().enumerate() {
         let mut triangle = good[i];
         triangle.corners[i][i] = value;
         bad.push(triangle);
     }
-    let (good, bad) = (
-        Hierarchy::build(good, Vec::new()),
-        Hierarchy::build(bad, Vec::new()),
-    );
+    let (good, bad) = (Hierarchy::build(good, Vec::new()), Hierarchy::build(bad, Vec::new()));
     assert_eq!(bad.slivers(), good.slivers() + 3);
     let (shooter, samples) = (shooter(random, place), samples(random, place));
     let masks = |h: &Hierarchy| {
@@ -179,35 +131,14 @@ fn coordinates_that_are_not_finite_block_nothing() {
 #[test]
 fn no_points_no_cells_and_no_triangles_are_answered() {
     let empty = Hierarchy::build(Vec::new(), Vec::new());
-    let mut shooter = shooter(
-        &mut Random(3),
-        Place {
-            scale: 1.0,
-            offset: [0.0; 3],
-        },
-    );
+    let mut shooter = shooter(&mut Random(3), Place { scale: 1.0, offset: [0.0; 3] });
     let samples = Samples::new(&[[0.0; 3]], vec![NO_PLANE]);
     let mut masks = [shooter.cells.all()];
     let tally = empty.clear_blocked(&shooter, samples.points(), &mut masks);
     assert_eq!(masks[0], shooter.cells.all());
-    assert_eq!(
-        tally,
-        Tally {
-            rays: u64::from(masks[0].count_ones()),
-            masks: 1,
-            masks_without_rays: 1
-        }
-    );
+    assert_eq!(tally, Tally { rays: u64::from(masks[0].count_ones()), masks: 1, masks_without_rays: 1 });
     let none = Samples::new(&[], Vec::new());
-    assert_eq!(
-        empty.clear_blocked(&shooter, none.points(), &mut []),
-        Tally::default()
-    );
+    assert_eq!(empty.clear_blocked(&shooter, none.points(), &mut []), Tally::default());
     shooter.cells = Cells::Points(Vec::new());
-    assert_eq!(
-        empty
-            .clear_blocked(&shooter, samples.points(), &mut [0])
-            .masks,
-        1
-    );
+    assert_eq!(empty.clear_blocked(&shooter, samples.points(), &mut [0]).masks, 1);
 }

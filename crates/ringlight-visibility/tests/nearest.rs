@@ -41,33 +41,18 @@ proptest! {
 }
 
 fn triangle(corners: [[f32; 3]; 3], id: u32) -> Triangle {
-    Triangle {
-        corners,
-        plane: NO_PLANE,
-        id,
-        filter: OPAQUE,
-    }
+    Triangle { corners, plane: NO_PLANE, id, filter: OPAQUE }
 }
 
 #[test]
 fn equally_near_triangles_report_the_lowest_id() {
     let corners = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
-    let ray = Ray {
-        origin: [0.25, 0.25, 0.0],
-        direction: [0.0, 0.0, 2.0],
-        near: 0.0,
-        far: f32::INFINITY,
-        plane: NO_PLANE,
-    };
+    let ray =
+        Ray { origin: [0.25, 0.25, 0.0], direction: [0.0, 0.0, 2.0], near: 0.0, far: f32::INFINITY, plane: NO_PLANE };
     for ids in [[5, 3, 9], [3, 5, 9], [9, 5, 3]] {
         let hierarchy = Hierarchy::build(ids.map(|id| triangle(corners, id)).to_vec(), Vec::new());
-        let hit = hierarchy
-            .nearest_hit(&ray)
-            .expect("the ray meets all three");
-        assert_eq!(
-            (hit.triangle, hit.distance, hit.barycentric),
-            (3, 0.5, [0.25, 0.25])
-        );
+        let hit = hierarchy.nearest_hit(&ray).expect("the ray meets all three");
+        assert_eq!((hit.triangle, hit.distance, hit.barycentric), (3, 0.5, [0.25, 0.25]));
     }
 }
 
@@ -85,25 +70,10 @@ fn the_side_from_which_corners_run_counter_clockwise_is_the_front() {
         let mut turned = corners;
         turned.rotate_left(turn);
         let hierarchy = Hierarchy::build(vec![triangle(turned, 0)], Vec::new());
-        assert!(
-            hierarchy
-                .nearest_hit(&ray(1.0, -1.0))
-                .expect("a hit from above")
-                .front
-        );
-        assert!(
-            !hierarchy
-                .nearest_hit(&ray(-1.0, 1.0))
-                .expect("a hit from below")
-                .front
-        );
+        assert!(hierarchy.nearest_hit(&ray(1.0, -1.0)).expect("a hit from above").front);
+        assert!(!hierarchy.nearest_hit(&ray(-1.0, 1.0)).expect("a hit from below").front);
         turned.reverse();
         let hierarchy = Hierarchy::build(vec![triangle(turned, 0)], Vec::new());
-        assert!(
-            !hierarchy
-                .nearest_hit(&ray(1.0, -1.0))
-                .expect("a hit from above")
-                .front
-        );
+        assert!(!hierarchy.nearest_hit(&ray(1.0, -1.0)).expect("a hit from above").front);
     }
 }

@@ -13,13 +13,8 @@ fn closed_mesh(place: Place, n: usize, round: bool) -> Vec<Triangle> {
         let at = |i: usize, j: usize| {
             let mut p = [0.0; 3];
             let step = |t: usize| 2.0 * t as f32 / n as f32 - 1.0;
-            (p[side % 3], p[(side + 1) % 3], p[(side + 2) % 3]) =
-                (if side < 3 { 1.0 } else { -1.0 }, step(i), step(j));
-            let length = if round {
-                p.iter().map(|c| c * c).sum::<f32>().sqrt()
-            } else {
-                1.0
-            };
+            (p[side % 3], p[(side + 1) % 3], p[(side + 2) % 3]) = (if side < 3 { 1.0 } else { -1.0 }, step(i), step(j));
+            let length = if round { p.iter().map(|c| c * c).sum::<f32>().sqrt() } else { 1.0 };
             place.at(p.map(|c| c / length))
         };
         for (i, j) in (0..n * n).map(|k| (k % n, k / n)) {
@@ -27,15 +22,7 @@ fn closed_mesh(place: Place, n: usize, round: bool) -> Vec<Triangle> {
             triangles.extend([[a, b, c], [c, d, a]]);
         }
     }
-    (0..)
-        .zip(triangles)
-        .map(|(id, corners)| Triangle {
-            corners,
-            plane: NO_PLANE,
-            id,
-            filter: OPAQUE,
-        })
-        .collect()
+    (0..).zip(triangles).map(|(id, corners)| Triangle { corners, plane: NO_PLANE, id, filter: OPAQUE }).collect()
 }
 
 fn outside(random: &mut Random) -> Vector {
@@ -113,27 +100,14 @@ proptest! {
 /// The tests above would hold for a predicate that always blocks.
 #[test]
 fn a_mesh_with_a_hole_lets_the_light_through_the_hole_only() {
-    let mut triangles = closed_mesh(
-        Place {
-            scale: 1.0,
-            offset: [0.0; 3],
-        },
-        4,
-        false,
-    );
+    let mut triangles = closed_mesh(Place { scale: 1.0, offset: [0.0; 3] }, 4, false);
     // The quad of the +x side around (1, 0.25, 0.25).
     triangles.retain(|t| {
-        !t.corners
-            .iter()
-            .all(|c| c[0] == 1.0 && (0.0..=0.5).contains(&c[1]) && (0.0..=0.5).contains(&c[2]))
+        !t.corners.iter().all(|c| c[0] == 1.0 && (0.0..=0.5).contains(&c[1]) && (0.0..=0.5).contains(&c[2]))
     });
     assert_eq!(triangles.len(), 6 * 32 - 2);
     let cells = vec![[3.0, 0.75, 0.75], [3.0, -0.75, 0.75], [-3.0, 0.75, 0.75]];
-    let shooter = Shooter {
-        cells: Cells::Points(cells),
-        plane: NO_PLANE,
-        far: 0.9999,
-    };
+    let shooter = Shooter { cells: Cells::Points(cells), plane: NO_PLANE, far: 0.9999 };
     let samples = Samples::new(&[[0.0; 3]], vec![NO_PLANE]);
     for (set, hierarchy) in hierarchies(&triangles, &[]) {
         let mut masks = [7];

@@ -4,8 +4,7 @@
 use std::sync::Arc;
 
 use ringlight_visibility::{
-    Bitmap, Cells, Filter, Grid, Hierarchy, InstructionSet, Layout, NO_PLANE, OPAQUE, Points,
-    Shooter, Triangle,
+    Bitmap, Cells, Filter, Grid, Hierarchy, InstructionSet, Layout, NO_PLANE, OPAQUE, Points, Shooter, Triangle,
 };
 
 pub type Vector = [f32; 3];
@@ -55,18 +54,9 @@ impl Place {
     /// From 1e-3 to 1e5 metres at the origin, or metres 10 km away.
     pub fn random(random: &mut Random) -> Place {
         match random.below(4) {
-            0 => Place {
-                scale: 10f32.powi(random.below(9) as i32 - 3),
-                offset: [0.0; 3],
-            },
-            1 => Place {
-                scale: 5.0,
-                offset: [10_000.0, -10_000.0, 3.0],
-            },
-            _ => Place {
-                scale: 1.0,
-                offset: [0.0; 3],
-            },
+            0 => Place { scale: 10f32.powi(random.below(9) as i32 - 3), offset: [0.0; 3] },
+            1 => Place { scale: 5.0, offset: [10_000.0, -10_000.0, 3.0] },
+            _ => Place { scale: 1.0, offset: [0.0; 3] },
         }
     }
 }
@@ -84,11 +74,7 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
             // A soup of all sizes.
             0 | 1 => {
                 let size = 10f32.powi(-(random.below(3) as i32));
-                made.push([
-                    a,
-                    add(a, random.vector(), size),
-                    add(a, random.vector(), size),
-                ]);
+                made.push([a, add(a, random.vector(), size), add(a, random.vector(), size)]);
             }
             // Degenerate: two corners or three in one place or on one line.
             2 => {
@@ -103,11 +89,7 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
             3 => {
                 let along = random.vector();
                 let width = 10f32.powi(-(random.below(6) as i32));
-                made.push([
-                    a,
-                    add(a, along, 1.0),
-                    add(add(a, along, 0.5), random.vector(), width),
-                ]);
+                made.push([a, add(a, along, 1.0), add(add(a, along, 0.5), random.vector(), width)]);
             }
             // Corners on a lattice: coplanar, axis-aligned, touching.
             4 | 5 => made.push([random.lattice(), random.lattice(), random.lattice()]),
@@ -127,33 +109,17 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
         .zip(0..)
         .map(|(corners, id)| Triangle {
             corners: corners.map(|c| place.at(c)),
-            plane: if random.below(3) == 0 {
-                random.below(4) as u32
-            } else {
-                NO_PLANE
-            },
+            plane: if random.below(3) == 0 { random.below(4) as u32 } else { NO_PLANE },
             id,
-            filter: if filters > 0 && random.below(3) == 0 {
-                random.below(filters) as u32
-            } else {
-                OPAQUE
-            },
+            filter: if filters > 0 && random.below(3) == 0 { random.below(filters) as u32 } else { OPAQUE },
         })
         .collect()
 }
 
 pub fn filters(random: &mut Random) -> Vec<Filter> {
-    let bitmap = Arc::new(Bitmap {
-        width: 8,
-        height: 5,
-        bits: vec![random.bits()],
-    });
-    let mut filters: Vec<Filter> = (0..4)
-        .map(|seed| Filter::Screen {
-            share: 0.5 + 0.5 * random.signed(),
-            seed: seed * 7919,
-        })
-        .collect();
+    let bitmap = Arc::new(Bitmap { width: 8, height: 5, bits: vec![random.bits()] });
+    let mut filters: Vec<Filter> =
+        (0..4).map(|seed| Filter::Screen { share: 0.5 + 0.5 * random.signed(), seed: seed * 7919 }).collect();
     filters.extend((0..3).map(|_| Filter::Cutout {
         bitmap: bitmap.clone(),
         uv: std::array::from_fn(|_| [2.0 * random.signed(), 2.0 * random.signed()]),
@@ -164,59 +130,32 @@ pub fn filters(random: &mut Random) -> Vec<Filter> {
 pub fn shooter(random: &mut Random, place: Place) -> Shooter {
     let lattice = random.below(2) == 0;
     let point = |random: &mut Random| {
-        if lattice {
-            random.lattice()
-        } else {
-            random.vector()
-        }
+        if lattice { random.lattice() } else { random.vector() }
     };
     let difference = |a: Vector, b: Vector| -> Vector { std::array::from_fn(|i| a[i] - b[i]) };
     let side = [1, 2, 4, 8][random.below(4)];
     let cells = match random.below(5) {
         kind @ 0..=2 => {
             let corner = place.at(point(random));
-            let edges =
-                [place.at(point(random)), place.at(point(random))].map(|p| difference(p, corner));
+            let edges = [place.at(point(random)), place.at(point(random))].map(|p| difference(p, corner));
             let twist = difference(place.at(random.vector()), place.at([0.0; 3])).map(|c| 0.2 * c);
             Cells::Grid(Grid {
                 origin: corner,
                 edge_u: edges[0],
                 edge_v: edges[1],
                 twist: if kind == 2 { twist } else { [0.0; 3] },
-                layout: if kind == 1 {
-                    Layout::Triangle
-                } else {
-                    Layout::Quad
-                },
+                layout: if kind == 1 { Layout::Triangle } else { Layout::Quad },
                 side,
             })
         }
-        3 => Cells::Points(
-            (0..1 + random.below(64))
-                .map(|_| place.at(point(random)))
-                .collect(),
-        ),
+        3 => Cells::Points((0..1 + random.below(64)).map(|_| place.at(point(random))).collect()),
         _ => Cells::Directions(
             (0..1 + random.below(64))
-                .map(|_| {
-                    if lattice {
-                        add(random.lattice(), [0.0, 0.0, 1.0], 1.5)
-                    } else {
-                        random.vector()
-                    }
-                })
+                .map(|_| if lattice { add(random.lattice(), [0.0, 0.0, 1.0], 1.5) } else { random.vector() })
                 .collect(),
         ),
     };
-    Shooter {
-        cells,
-        plane: if random.below(2) == 0 {
-            random.below(4) as u32
-        } else {
-            NO_PLANE
-        },
-        far: 0.9999,
-    }
+    Shooter { cells, plane: if random.below(2) == 0 { random.below(4) as u32 } else { NO_PLANE }, far: 0.9999 }
 }
 
 /// Sample points with their planes, owned.
@@ -231,21 +170,11 @@ pub struct Samples {
 impl Samples {
     pub fn new(points: &[Vector], plane: Vec<u32>) -> Samples {
         let axis = |i: usize| points.iter().map(|p| p[i]).collect();
-        Samples {
-            x: axis(0),
-            y: axis(1),
-            z: axis(2),
-            plane,
-        }
+        Samples { x: axis(0), y: axis(1), z: axis(2), plane }
     }
 
     pub fn points(&self) -> Points<'_> {
-        Points {
-            x: &self.x,
-            y: &self.y,
-            z: &self.z,
-            plane: &self.plane,
-        }
+        Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane }
     }
 }
 
@@ -264,15 +193,7 @@ pub fn samples(random: &mut Random, place: Place) -> Samples {
             })
         })
         .collect();
-    let plane = (0..count)
-        .map(|_| {
-            if random.below(2) == 0 {
-                random.below(4) as u32
-            } else {
-                NO_PLANE
-            }
-        })
-        .collect();
+    let plane = (0..count).map(|_| if random.below(2) == 0 { random.below(4) as u32 } else { NO_PLANE }).collect();
     Samples::new(&points, plane)
 }
 
@@ -280,11 +201,6 @@ pub fn samples(random: &mut Random, place: Place) -> Samples {
 pub fn hierarchies(triangles: &[Triangle], filters: &[Filter]) -> Vec<(InstructionSet, Hierarchy)> {
     InstructionSet::available()
         .into_iter()
-        .map(|set| {
-            (
-                set,
-                Hierarchy::build(triangles.to_vec(), filters.to_vec()).with_instruction_set(set),
-            )
-        })
+        .map(|set| (set, Hierarchy::build(triangles.to_vec(), filters.to_vec()).with_instruction_set(set)))
         .collect()
 }
