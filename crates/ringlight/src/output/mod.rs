@@ -7,10 +7,10 @@ mod exposure;
 mod fixture;
 mod gltf;
 mod picture;
+pub mod report;
 #[cfg(test)]
 mod scenes;
 mod seen;
-pub mod report;
 mod smooth;
 mod table;
 mod vtu;
