@@ -3,9 +3,11 @@
 
 use crate::arguments::{DisplayArguments, Targets};
 use crate::failure::Failure;
-use crate::files;
+use crate::files::{self, NewFile};
+use crate::values::ExposureChoice;
 use anyhow::{anyhow, bail};
 use ringlight::mesh;
+use ringlight::output::{Exposure, LitOptions, write_glb, write_gltf};
 use ringlight::scene::{Camera, Place, Warnings};
 use ringlight::solution::{self, Solution};
 use ringlight_visibility::Hierarchy;
@@ -57,7 +59,7 @@ impl Kind {
 
     /// Whether this program can write it yet.
     fn is_built(self) -> bool {
-        matches!(self, Kind::Solution)
+        matches!(self, Kind::Solution | Kind::LitBinary | Kind::LitText)
     }
 }
 
@@ -177,6 +179,14 @@ impl<'a> Content<'a> {
         Content { solution, display, hierarchy: hierarchy.map_or_else(OnceCell::new, OnceCell::from) }
     }
 
+    fn lit_options(&self) -> LitOptions {
+        let exposure = match self.display.exposure {
+            ExposureChoice::Auto => Exposure::automatic(self.solution),
+            ExposureChoice::Value(value) => Exposure::from_ev(value),
+        };
+        LitOptions { exposure, ambient: self.display.ambient }
+    }
+
     /// Finds what cameras see.
     pub fn hierarchy(&self) -> &Hierarchy {
         self.hierarchy.get_or_init(|| mesh::hierarchy(&self.solution.mesh))
@@ -185,13 +195,24 @@ impl<'a> Content<'a> {
 
 /// Writes one output.
 pub fn write(output: &Output, content: &Content<'_>) -> anyhow::Result<Written> {
-    let path = &output.path;
+    let (path, solution) = (output.path.as_path(), content.solution);
+    let mut written = Written::default();
     match output.kind {
-        Kind::Solution => files::write(path, |out| solution::write(content.solution, out))?,
-        Kind::LitBinary | Kind::LitText | Kind::Table | Kind::Grid | Kind::Png | Kind::Exr => {
-            let _ = (content.display, content.hierarchy());
+        Kind::Solution => files::write(path, |out| solution::write(solution, out))?,
+        Kind::LitBinary => {
+            let options = content.lit_options();
+            written.clipped = files::write(path, |out| write_glb(solution, &options, out))?.clipped;
+        }
+        Kind::LitText => {
+            let (options, data) = (content.lit_options(), path.with_extension("bin"));
+            let name = data.file_name().unwrap_or_default().to_string_lossy();
+            let model = |json: &mut NewFile, bin: &mut NewFile| write_gltf(solution, &options, &name, json, bin);
+            written.clipped = files::write_pair([path, &data], model)?.clipped;
+        }
+        Kind::Table | Kind::Grid | Kind::Png | Kind::Exr => {
+            let _ = content.hierarchy();
             bail!("{}: this kind of output is not built yet", path.display())
         }
     }
-    Ok(Written::default())
+    Ok(written)
 }

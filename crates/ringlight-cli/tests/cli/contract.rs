@@ -201,3 +201,17 @@ fn inspecting_tells_the_same_counts_as_baking() {
         .code(0)
         .stdout(contains("patches").and(contains("measured")));
 }
+
+#[test]
+fn lit_models_are_written_by_ending() {
+    let workshop = Workshop::new();
+    workshop.bake("-o a.glb -o b.gltf --report a.json --max-shots 30").assert().code(0);
+    assert!(workshop.bytes("a.glb").starts_with(b"glTF"));
+    let model = workshop.json("b.gltf");
+    assert_eq!(model["buffers"][0]["uri"], "b.bin");
+    assert_eq!(model["buffers"][0]["byteLength"], workshop.bytes("b.bin").len());
+    assert!(workshop.json("a.json")["clipped"].is_number());
+    // The file beside a .gltf is one of ours, too.
+    std::fs::remove_file(workshop.path("b.gltf")).unwrap();
+    workshop.bake("-o b.gltf --max-shots 30").assert().code(1).stderr(contains("b.bin"));
+}
