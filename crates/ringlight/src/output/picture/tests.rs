@@ -1,0 +1,186 @@
+use super::*;
+use crate::output::{Projection, View, scenes};
+use glam::DVec3;
+use std::io::Cursor;
+
+const PERSPECTIVE: Projection = Projection::Perspective { vertical_field_of_view: 0.6 };
+
+fn towards(eye: [f64; 3], target: [f64; 3]) -> View {
+    View::towards(eye.into(), target.into(), PERSPECTIVE).unwrap()
+}
+
+/// Down on the lamp scene's floor, past the lamp.
+fn floor_view() -> View {
+    towards([1.3, 1.0, 1.3], [1.3, 0.0, 1.29])
+}
+
+fn options(view: View) -> PictureOptions {
+    PictureOptions { samples_per_axis: 2, ..PictureOptions::new(view, 24, 16) }
+}
+
+#[test]
+fn the_radiance_of_a_lit_square_is_its_reflectance_times_its_irradiance_over_pi() {
+    // One element, so that there is nothing to interpolate.
+    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 10.0);
+    let floor = (0..solution.mesh.patch_count() as u32)
+        .map(|id| solution.mesh.patch(id))
+        .find(|p| p.normal.y > 0.99 && p.area > 10.0)
+        .unwrap();
+    let irradiance = solution.irradiance(floor.first_element);
+    assert!(irradiance[0] > 0.1);
+    let picture = render(&solution, &hierarchy, &options(floor_view()));
+    let expected = irradiance.map(|e| 0.5 * e / std::f32::consts::PI);
+    for pixel in &picture.linear {
+        for c in 0..3 {
+            assert!((pixel[c] / expected[c] - 1.0).abs() < 1e-5, "{pixel:?} for {expected:?}");
+        }
+    }
+}
+
+#[test]
+fn a_lamp_shows_its_own_radiance_and_nothing_shows_black() {
+    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let picture = render(&solution, &hierarchy, &options(towards([0.0, 1.5, 0.0], [0.0, 2.0, 0.01])));
+    assert!(picture.linear.iter().flatten().all(|l| (l / 10.0 - 1.0).abs() < 1e-5));
+    let picture = render(&solution, &hierarchy, &options(towards([0.0, 3.0, 0.0], [0.0, 9.0, 0.0])));
+    assert!(picture.linear.iter().all(|&l| l == [0.0; 3]) && picture.shown.iter().all(|&s| s == [0; 3]));
+}
+
+#[test]
+fn the_sky_is_seen_above_the_horizon_only() {
+    let (mut solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    solution.settings.sky = Some([3.0, 4.0, 5.0]);
+    let picture = render(&solution, &hierarchy, &options(towards([0.0, 5.0, 0.0], [9.0, 5.0, 0.0])));
+    assert_eq!(picture.linear[0], [3.0, 4.0, 5.0]);
+    assert_eq!(picture.linear[24 * 16 - 1], [0.0; 3]);
+}
+
+#[test]
+fn ambient_light_is_added_to_the_irradiance() {
+    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let plain = options(floor_view());
+    let ambient = PictureOptions { ambient: [2.0, 0.0, 0.0], ..plain.clone() };
+    let [plain, ambient] = [plain, ambient].map(|o| render(&solution, &hierarchy, &o));
+    for (with, without) in ambient.linear.iter().zip(&plain.linear) {
+        assert!((with[0] - without[0] - 0.5 * 2.0 / std::f32::consts::PI).abs() < 1e-5);
+        assert_eq!(with[1], without[1]);
+    }
+}
+
+#[test]
+fn half_of_what_is_behind_is_seen_through_a_surface_that_covers_half() {
+    let (mut solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    // The lamp, seen from above, hides the floor; now it lets half of it through.
+    let lamp = solution.description.surfaces.iter().position(|s| s.name == "lamp").unwrap();
+    let view = options(towards([0.0, 4.0, 0.0], [0.0, 0.0, 0.01]));
+    let opaque = render(&solution, &hierarchy, &view).linear[24 * 8 + 12];
+    solution.mesh.occluder.coverage[lamp] = 0.5;
+    let material = solution.description.surfaces[lamp].material as usize;
+    solution.description.materials[material].transmission = 0.5;
+    let through = render(&solution, &hierarchy, &view).linear[24 * 8 + 12];
+    let floor = render(&solution, &hierarchy, &options(towards([0.0, 1.9, 0.0], [0.0, 0.0, 0.01]))).linear[24 * 8 + 12];
+    for c in 0..3 {
+        assert!((through[c] - opaque[c] - 0.5 * floor[c]).abs() < 0.02 * floor[c], "{through:?} {opaque:?} {floor:?}");
+    }
+}
+
+#[test]
+fn the_picture_is_the_same_on_one_thread_and_on_two() {
+    let (solution, hierarchy) = scenes::solved(scenes::ROOM, 1.0);
+    let files = [1, 2].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let view = View::automatic(&solution, &hierarchy, 1.5);
+            let picture = render(&solution, &hierarchy, &options(view));
+            let mut bytes = Vec::new();
+            write_png(&picture, &mut bytes).unwrap();
+            let mut exr = Cursor::new(Vec::new());
+            write_exr(&picture, &mut exr).unwrap();
+            (bytes, exr.into_inner())
+        })
+    });
+    assert_eq!(files[0], files[1]);
+}
+
+#[test]
+fn a_lamps_edge_is_as_smooth_as_any_other() {
+    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    // The lamp's edge, seen from below; half of the picture is nothing.
+    let view = towards([0.507, 0.5, 0.0], [0.5, 2.0, 0.0]);
+    let picture = render(&solution, &hierarchy, &PictureOptions::new(view, 24, 16));
+    let mut shades: Vec<u8> = picture.shown.iter().map(|s| s[0]).collect();
+    shades.sort();
+    shades.dedup();
+    assert!(shades.len() > 2 && shades.first() == Some(&0), "{shades:?}");
+}
+
+#[test]
+fn files_hold_what_the_picture_holds() {
+    let (solution, hierarchy) = scenes::solved(scenes::ROOM, 1.0);
+    let view = View::automatic(&solution, &hierarchy, 1.5);
+    let picture = render(&solution, &hierarchy, &options(view));
+    let mut png = Vec::new();
+    write_png(&picture, &mut png).unwrap();
+    let read = image::load_from_memory(&png).unwrap().into_rgb8();
+    assert_eq!(read.dimensions(), (24, 16));
+    assert_eq!(read.as_raw().as_slice(), picture.shown.as_flattened());
+    let mut bytes = Cursor::new(Vec::new());
+    write_exr(&picture, &mut bytes).unwrap();
+    bytes.set_position(0);
+    use exr::prelude::*;
+    let read = exr::image::read::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| (size.width(), vec![[0.0f32; 3]; size.area()]),
+            |(width, pixels), at, (r, g, b): (f32, f32, f32)| pixels[at.y() * *width + at.x()] = [r, g, b],
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(bytes)
+        .unwrap();
+    assert_eq!(read.layer_data.channel_data.pixels.1, picture.linear);
+}
+
+#[test]
+fn the_legend_has_the_range_of_the_illuminance_in_the_picture() {
+    let (solution, hierarchy) = scenes::solved(scenes::ROOM, 1.0);
+    let view = View::automatic(&solution, &hierarchy, 1.5);
+    let plain = PictureOptions::new(view, 240, 160);
+    let false_colour = Some(FalseColour { unit: Unit::WattsPerSquareMetre, ..FalseColour::default() });
+    let picture = render(&solution, &hierarchy, &PictureOptions { false_colour, ..plain });
+    let scale = picture.scale.unwrap();
+    let brightest = (0..solution.mesh.element_count() as u32)
+        .map(|e| f64::from(crate::quantity::photometric(solution.irradiance(e))))
+        .fold(0.0, f64::max);
+    assert!(scale.high <= 5.0 * brightest && scale.high > 0.0 && scale.unit == Unit::WattsPerSquareMetre);
+    assert!(picture.shown.contains(&[255; 3]), "numbers are white");
+    let lowest = Scale::colour_at(0.0).map(|x| x as u8);
+    let highest = Scale::colour_at(1.0).map(|x| x as u8);
+    assert!(picture.shown.contains(&lowest) && picture.shown.contains(&highest));
+}
+
+#[test]
+fn every_sample_of_a_pixel_has_its_own_row_and_column() {
+    for side in 1..=16 {
+        let places = places(side);
+        for axis in 0..2 {
+            let mut along: Vec<f64> = places.iter().map(|p| p[axis]).collect();
+            along.sort_by(f64::total_cmp);
+            let step = 1.0 / f64::from(side * side);
+            assert!(along.iter().enumerate().all(|(k, x)| (x - (k as f64 + 0.5) * step).abs() < 1e-12));
+        }
+    }
+}
+
+#[test]
+fn an_orthographic_picture_shows_lengths_to_scale() {
+    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    // From below, 4 m high: the lamp of 1 m is a quarter of the picture's height.
+    let projection = Projection::Orthographic { half_height: 2.0 };
+    let view = View::towards(DVec3::new(0.0, 0.5, 0.0), DVec3::new(0.0, 2.0, 0.0), projection).unwrap();
+    let picture =
+        render(&solution, &hierarchy, &PictureOptions { samples_per_axis: 1, ..PictureOptions::new(view, 40, 40) });
+    let lamp = picture.linear.iter().filter(|l| l[0] > 9.0).count();
+    assert_eq!(lamp, 100);
+}

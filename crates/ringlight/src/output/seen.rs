@@ -1,0 +1,63 @@
+//! What a ray of sight meets.
+
+use crate::mesh::Mesh;
+use glam::{DVec2, DVec3};
+use ringlight_visibility::{Hierarchy, Ray};
+
+/// A lit side of a surface, met by a ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Distance in units of the ray's direction.
+    pub distance: f32,
+    /// Number of the facet.
+    pub facet: u32,
+    /// Number of the patch.
+    pub patch: u32,
+    /// Number of the element.
+    pub element: u32,
+    /// Parameters within the element.
+    pub within: DVec2,
+    /// The facet's corners between which the place lies.
+    pub corners: [usize; 3],
+    /// Weights of these corners.
+    pub weights: [f32; 3],
+}
+
+/// The first lit side along a ray. Unlit backs of single-sided surfaces are not seen, as in viewers of glTF.
+pub fn look(mesh: &Mesh, hierarchy: &Hierarchy, ray: &Ray) -> Option<Seen> {
+    let [origin, direction] = [ray.origin, ray.direction].map(vector);
+    let facet_of = |triangle: u32| &mesh.facets[(triangle >> 1) as usize];
+    let hit = hierarchy.nearest_hit_where(ray, |triangle| {
+        let [a, b, c] = triangle.corners.map(vector);
+        facet_of(triangle.id).double_sided() || (b - a).cross(c - a).dot(direction) < 0.0
+    })?;
+    let facet = facet_of(hit.triangle);
+    let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
+    let (k, within) = facet.find_element(at.clamp(DVec2::ZERO, DVec2::ONE));
+    let (first_patch, first_element) = if facet.double_sided() && !hit.front {
+        (facet.first_back_patch, facet.first_back_element)
+    } else {
+        (facet.first_patch, facet.first_element)
+    };
+    let [b, c] = hit.barycentric;
+    Some(Seen {
+        distance: hit.distance,
+        facet: hit.triangle >> 1,
+        patch: first_patch + k / facet.elements_per_patch(),
+        element: first_element + k,
+        within: within.clamp(DVec2::ZERO, DVec2::ONE),
+        corners: if hit.triangle & 1 == 0 { [0, 1, 2] } else { [0, 2, 3] },
+        weights: [1.0 - b - c, b, c],
+    })
+}
+
+fn vector(v: [f32; 3]) -> DVec3 {
+    v.map(f64::from).into()
+}
+
+impl Seen {
+    /// A value between those at the facet's four corners.
+    pub fn between<const N: usize>(&self, values: &[[f32; N]; 4]) -> [f32; N] {
+        std::array::from_fn(|i| (0..3).map(|k| self.weights[k] * values[self.corners[k]][i]).sum())
+    }
+}
