@@ -4,6 +4,7 @@ use crate::arguments::Export;
 use crate::failure::{End, Failure};
 use crate::input;
 use crate::outputs::{self, Content, Others};
+use crate::run;
 
 /// Writes outputs of a solution.
 pub fn export(arguments: &Export) -> Result<End, Failure> {
@@ -13,7 +14,7 @@ pub fn export(arguments: &Export) -> Result<End, Failure> {
     outputs::check_camera(&arguments.display, &solution.description.cameras)?;
     if !arguments.quiet {
         for warning in outputs::missing_images(&solution, &arguments.targets).0 {
-            eprintln!("warning: {} ({} missing)", warning.message, warning.count);
+            eprintln!("warning: {}", run::warning(&warning.message, warning.count, ""));
         }
     }
     let content = Content::new(&solution, &arguments.display, None);

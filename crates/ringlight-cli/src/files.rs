@@ -146,6 +146,22 @@ pub fn write<T>(path: &Path, content: impl FnOnce(&mut NewFile) -> io::Result<T>
     whole().with_context(|| format!("{}: cannot be written", path.display()))
 }
 
+/// Writes two files that belong together: both of them whole, or neither.
+pub fn write_pair<T>(
+    [first, second]: [&Path; 2],
+    content: impl FnOnce(&mut NewFile, &mut NewFile) -> io::Result<T>,
+) -> anyhow::Result<T> {
+    let both = || {
+        let (mut one, mut other) = (NewFile::create(first)?, NewFile::create(second)?);
+        let result = content(&mut one, &mut other)?;
+        // The first refers to the second, so the second is there when the first appears.
+        other.finish()?;
+        one.finish()?;
+        Ok::<T, io::Error>(result)
+    };
+    both().with_context(|| format!("{}: cannot be written", first.display()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,7 +6,7 @@ use crate::estimate;
 use crate::failure::{End, Failure};
 use crate::input;
 use crate::progress::duration;
-use crate::run::occluding_triangles;
+use crate::run::{occluding_triangles, warning};
 use ringlight::mesh::{self, Facet, Mesh};
 use ringlight::output::report::{ReportedWarning, SceneReport, Units, warnings};
 use ringlight::scene::{LightKind, Scene, Surface};
@@ -17,6 +17,7 @@ use ringlight::transport::Alone;
 use ringlight_visibility::Triangle;
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::Path;
 use std::time::Instant;
 
 /// Seconds of shooting that measure the speed.
@@ -25,7 +26,7 @@ const TRIAL: f64 = 1.0;
 /// What `inspect` found.
 #[derive(Serialize)]
 struct Inspection {
-    name: String,
+    file: String,
     units: Units,
     scene: SceneReport,
     surfaces: usize,
@@ -69,7 +70,7 @@ pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let options = input::mesh_options(&arguments.sizes);
     let mesh = mesh::build(&scene, &options).map_err(|error| input::locate(error, path))?;
     let settings = bake::settings(&arguments.method, arguments.sizes.quality);
-    let mut inspection = Inspection::new(&scene, &mesh, &settings);
+    let mut inspection = Inspection::new(path, &scene, &mesh, &settings);
     inspection.warnings.extend(warnings(&bake::skipped(&mesh)));
     if input::has_light(&scene, &mesh, settings.sky) {
         inspection.forecast = Some(forecast(&scene, mesh, settings, arguments));
@@ -84,7 +85,7 @@ pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
 }
 
 impl Inspection {
-    fn new(scene: &Scene, mesh: &Mesh, settings: &SolveSettings) -> Inspection {
+    fn new(path: &Path, scene: &Scene, mesh: &Mesh, settings: &SolveSettings) -> Inspection {
         let description = Description::new(scene);
         let (low, high) =
             mesh.clusters.iter().fold((glam::Vec3::INFINITY, glam::Vec3::NEG_INFINITY), |(low, high), c| {
@@ -98,7 +99,7 @@ impl Inspection {
         };
         let camera = |field_of_view: f64| if field_of_view > 0.0 { "perspective" } else { "orthographic" };
         Inspection {
-            name: scene.name.clone(),
+            file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             units: Units::of(&description),
             scene: SceneReport::new(&description, mesh),
             surfaces: scene.surfaces.len(),
@@ -132,7 +133,7 @@ impl Inspection {
     fn write(&self, out: &mut String) -> std::fmt::Result {
         let scene = &self.scene;
         let [x, y, z] = self.extent;
-        writeln!(out, "scene        {}, {x:.3} × {y:.3} × {z:.3} m", self.name)?;
+        writeln!(out, "scene        {}, {x:.3} × {y:.3} × {z:.3} m", self.file)?;
         writeln!(out, "surfaces     {} of {} objects, {} triangles", self.surfaces, scene.objects, scene.triangles)?;
         writeln!(out, "materials    {}, {} images", self.materials, self.images)?;
         let lamps = if self.lights.is_empty() { String::new() } else { format!(": {}", list(&self.lights)) };
@@ -161,7 +162,7 @@ impl Inspection {
             }
         }
         for w in &self.warnings {
-            writeln!(out, "warning      {} ({} times, first at {})", w.message, w.count, w.first_place)?;
+            writeln!(out, "warning      {}", warning(&w.message, w.count, &w.first_place))?;
         }
         Ok(())
     }

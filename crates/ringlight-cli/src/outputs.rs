@@ -1,11 +1,13 @@
-//! What can be written, by the ending of the file. Each kind of output is hooked up at one arm of [`write`] and in
-//! [`Kind::is_built`].
+//! What can be written, by the ending of the file. Each kind of output is hooked up at one arm of [`write`].
 
-use crate::arguments::{DisplayArguments, Targets};
+use crate::arguments::{DisplayArguments, Targets, ToneChoice};
 use crate::failure::Failure;
-use crate::files;
-use anyhow::{anyhow, bail};
+use crate::files::{self, NewFile};
+use crate::values::{ExposureChoice, PictureSize};
 use ringlight::mesh;
+use ringlight::output::report::Units;
+use ringlight::output::{Exposure, FalseColour, LitOptions, Picture, PictureOptions, Tone, Unit, View};
+use ringlight::output::{ambient, render, write_exr, write_glb, write_gltf, write_png, write_table, write_vtu};
 use ringlight::scene::{Camera, Place, Warnings};
 use ringlight::solution::{self, Solution};
 use ringlight_visibility::Hierarchy;
@@ -53,11 +55,6 @@ impl Kind {
     /// Whether it is a picture.
     pub fn is_picture(self) -> bool {
         matches!(self, Kind::Png | Kind::Exr)
-    }
-
-    /// Whether this program can write it yet.
-    fn is_built(self) -> bool {
-        matches!(self, Kind::Solution)
     }
 }
 
@@ -118,9 +115,6 @@ pub fn check(targets: &Targets, others: &Others<'_>) -> Result<(), Failure> {
             return Err(Failure::Usage(format!("{} is the scene; it would be overwritten", file.display())));
         }
     }
-    if let Some(output) = targets.output.iter().find(|output| !output.kind.is_built()) {
-        return Err(Failure::Other(anyhow!("{}: this kind of output is not built yet", output.path.display())));
-    }
     for file in &files {
         let goes_on = is(others.resumed, file) && is(others.checkpoint, file);
         files::check_target(file, targets.force || goes_on)?;
@@ -177,21 +171,68 @@ impl<'a> Content<'a> {
         Content { solution, display, hierarchy: hierarchy.map_or_else(OnceCell::new, OnceCell::from) }
     }
 
+    fn lit_options(&self) -> LitOptions {
+        let exposure = match self.display.exposure {
+            ExposureChoice::Auto => Exposure::automatic(self.solution),
+            ExposureChoice::Value(value) => Exposure::from_ev(value),
+        };
+        LitOptions { exposure, ambient: self.display.ambient }
+    }
+
+    fn picture(&self) -> anyhow::Result<Picture> {
+        let (solution, display, hierarchy) = (self.solution, self.display, self.hierarchy());
+        let PictureSize { width, height } = display.size;
+        let view = View::choose(display.camera.as_deref(), solution, hierarchy, f64::from(width) / f64::from(height))?;
+        let radiometric = Units::of(&solution.description) == Units::RADIOMETRIC;
+        let unit = if radiometric { Unit::WattsPerSquareMetre } else { Unit::Lux };
+        let options = PictureOptions {
+            exposure: match display.exposure {
+                ExposureChoice::Auto => None,
+                ExposureChoice::Value(value) => Some(Exposure::from_ev(value)),
+            },
+            tone: match display.tone {
+                ToneChoice::Filmic => Tone::Filmic,
+                ToneChoice::None => Tone::None,
+            },
+            false_colour: display.false_colour.map(|_| FalseColour { unit, ..FalseColour::default() }),
+            ambient: if display.ambient { ambient(solution) } else { [0.0; 3] },
+            ..PictureOptions::new(view, width, height)
+        };
+        Ok(render(solution, hierarchy, &options))
+    }
+
     /// Finds what cameras see.
-    pub fn hierarchy(&self) -> &Hierarchy {
+    fn hierarchy(&self) -> &Hierarchy {
         self.hierarchy.get_or_init(|| mesh::hierarchy(&self.solution.mesh))
     }
 }
 
 /// Writes one output.
 pub fn write(output: &Output, content: &Content<'_>) -> anyhow::Result<Written> {
-    let path = &output.path;
+    let (path, solution) = (output.path.as_path(), content.solution);
+    let mut written = Written::default();
     match output.kind {
-        Kind::Solution => files::write(path, |out| solution::write(content.solution, out))?,
-        Kind::LitBinary | Kind::LitText | Kind::Table | Kind::Grid | Kind::Png | Kind::Exr => {
-            let _ = (content.display, content.hierarchy());
-            bail!("{}: this kind of output is not built yet", path.display())
+        Kind::Solution => files::write(path, |out| solution::write(solution, out))?,
+        Kind::LitBinary => {
+            let options = content.lit_options();
+            written.clipped = files::write(path, |out| write_glb(solution, &options, out))?.clipped;
+        }
+        Kind::LitText => {
+            let (options, data) = (content.lit_options(), path.with_extension("bin"));
+            let name = data.file_name().unwrap_or_default().to_string_lossy();
+            let model = |json: &mut NewFile, bin: &mut NewFile| write_gltf(solution, &options, &name, json, bin);
+            written.clipped = files::write_pair([path, &data], model)?.clipped;
+        }
+        Kind::Table => files::write(path, |out| write_table(solution, out))?,
+        Kind::Grid => files::write(path, |out| write_vtu(solution, out))?,
+        Kind::Png => {
+            let picture = content.picture()?;
+            files::write(path, |out| write_png(&picture, out))?;
+        }
+        Kind::Exr => {
+            let picture = content.picture()?;
+            files::write(path, |out| write_exr(&picture, out))?;
         }
     }
-    Ok(Written::default())
+    Ok(written)
 }

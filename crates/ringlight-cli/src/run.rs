@@ -90,14 +90,8 @@ impl<'a> Run<'a> {
     /// Says warnings, once each, and keeps them for the report.
     pub fn warn(&mut self, warnings: &Warnings) {
         for w in &warnings.0 {
-            let place = if w.first_place.file.is_empty() { String::new() } else { w.first_place.to_string() };
-            let note = match (w.count, place.is_empty()) {
-                (1, true) => String::new(),
-                (1, false) => format!(" ({place})"),
-                (n, true) => format!(" ({n} times)"),
-                (n, false) => format!(" ({n} times, first at {place})"),
-            };
-            self.say(&format!("warning: {}{note}", w.message));
+            let words = warning(&w.message, w.count, &w.first_place.to_string());
+            self.say(&format!("warning: {words}"));
         }
         self.remember(warnings);
     }
@@ -250,6 +244,16 @@ pub struct Outcome {
 impl Outcome {
     fn note(&mut self, result: anyhow::Result<()>) {
         self.errors.extend(result.err());
+    }
+}
+
+/// A warning in words.
+pub fn warning(message: &str, count: u64, first_place: &str) -> String {
+    match (count, first_place) {
+        (1, "") => message.to_owned(),
+        (1, place) => format!("{message} ({place})"),
+        (n, "") => format!("{message} ({n} times)"),
+        (n, place) => format!("{message} ({n} times, first at {place})"),
     }
 }
 

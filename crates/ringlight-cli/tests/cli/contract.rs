@@ -201,3 +201,40 @@ fn inspecting_tells_the_same_counts_as_baking() {
         .code(0)
         .stdout(contains("patches").and(contains("measured")));
 }
+
+#[test]
+fn lit_models_are_written_by_ending() {
+    let workshop = Workshop::new();
+    workshop.bake("-o a.glb -o b.gltf --report a.json --max-shots 30").assert().code(0);
+    assert!(workshop.bytes("a.glb").starts_with(b"glTF"));
+    let model = workshop.json("b.gltf");
+    assert_eq!(model["buffers"][0]["uri"], "b.bin");
+    assert_eq!(model["buffers"][0]["byteLength"], workshop.bytes("b.bin").len());
+    assert!(workshop.json("a.json")["clipped"].is_number());
+    // The file beside a .gltf is one of ours, too.
+    std::fs::remove_file(workshop.path("b.gltf")).unwrap();
+    workshop.bake("-o b.gltf --max-shots 30").assert().code(1).stderr(contains("b.bin"));
+}
+
+#[test]
+fn every_output_is_written_and_written_again_from_the_solution() {
+    let workshop = Workshop::new();
+    let display = "--size 64x36 --camera 1,1,1.8;1,1,0;80 --exposure 1";
+    let outputs = |name: &str| {
+        let endings = ["glb", "gltf", "bin", "csv", "vtu", "png", "exr"];
+        endings.map(|ending| workshop.bytes(&format!("{name}.{ending}")))
+    };
+    let all =
+        |name: &str| ["glb", "gltf", "csv", "vtu", "png", "exr"].map(|ending| format!("-o {name}.{ending}")).join(" ");
+    workshop.bake(&format!("-o a.ringlight {} {display} --max-shots 40", all("a"))).assert().code(0);
+    workshop.ringlight(&format!("export a.ringlight {} {display}", all("b"))).assert().code(0);
+    for (a, b) in outputs("a").iter().zip(&outputs("b")).filter(|(a, _)| !a.starts_with(b"{")) {
+        assert!(!a.is_empty() && a == b);
+    }
+    workshop.ringlight(&format!("render a.ringlight -o c.png {display}")).assert().code(0);
+    assert!(workshop.bytes("a.png") == workshop.bytes("c.png"));
+    workshop.ringlight("render a.ringlight -o d.png --size 32x32 --false-colour lux --ambient").assert().code(0);
+    workshop.ringlight("render a.ringlight -o e.png --camera desk").assert().code(2).stderr(contains("desk"));
+    let table = String::from_utf8(workshop.bytes("a.csv")).unwrap();
+    assert!(table.starts_with("element,patch,object,x,y,z,nx,ny,nz,area,e_r,e_g,e_b,b_r,b_g,b_b,e,valid,level"));
+}
