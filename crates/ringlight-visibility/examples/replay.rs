@@ -16,8 +16,8 @@ use ringlight_visibility::{
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Receivers that a thread takes at a time, as the Embree runner does.
-const JOB: usize = 512;
+/// Receivers that a thread takes at a time.
+const JOB: usize = 4096;
 
 fn main() -> Result<(), Failure> {
     let options = Options::parse(std::env::args().skip(1))?;
@@ -91,7 +91,9 @@ impl Options {
                         "avx512" => InstructionSet::Avx512,
                         "avx2" => InstructionSet::Avx2,
                         "portable" => InstructionSet::Portable,
-                        other => return Err(format!("--instructions: avx512, avx2 or portable, not {other}").into()),
+                        other => {
+                            return Err(format!("--instructions: avx512, avx2 or portable, not {other}").into());
+                        }
                     };
                     if !InstructionSet::available().contains(&options.instructions) {
                         return Err(format!("this machine has no {:?}", options.instructions).into());
@@ -196,7 +198,9 @@ fn grid_of(points: &[[f32; 3]]) -> Option<Grid> {
     }
     let at = |i: usize, j: usize, axis: usize| f64::from(points[j * side + i][axis]);
     let last = side - 1;
-    let slope = |from: f64, to: f64| if last == 0 { 0.0 } else { (to - from) * side as f64 / last as f64 };
+    let slope = |from: f64, to: f64| {
+        if last == 0 { 0.0 } else { (to - from) * side as f64 / last as f64 }
+    };
     let edge_u: [f64; 3] = std::array::from_fn(|a| slope(at(0, 0, a), at(last, 0, a)));
     let edge_v: [f64; 3] = std::array::from_fn(|a| slope(at(0, 0, a), at(0, last, a)));
     let half = 0.5 / side as f64;
@@ -241,7 +245,8 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn take<const N: usize>(&mut self) -> Result<[u8; N], Failure> {
-        let (head, rest) = self.bytes.split_first_chunk().ok_or_else(|| format!("{}: the file ends early", self.file))?;
+        let (head, rest) =
+            self.bytes.split_first_chunk().ok_or_else(|| format!("{}: the file ends early", self.file))?;
         self.bytes = rest;
         Ok(*head)
     }

@@ -132,7 +132,8 @@ impl<'a> Part<'a> {
 /// Orders the triangles, and makes the nodes; the first is the root. Also returns the box of all.
 pub(crate) fn build(triangles: &mut Vec<Triangle>) -> (Vec<Node>, Bounds) {
     assert!(triangles.len() <= Child::MOST, "a hierarchy holds at most {} triangles", Child::MOST);
-    let mut items: Vec<Item> = (0..).zip(triangles.iter()).map(|(index, t)| Item { bounds: around(t), index }).collect();
+    let mut items: Vec<Item> =
+        (0..).zip(triangles.iter()).map(|(index, t)| Item { bounds: around(t), index }).collect();
     if items.is_empty() {
         return (Vec::new(), Bounds::EMPTY);
     }
@@ -248,17 +249,13 @@ fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
         partition(part.items, |item| bin(item, axis) < border)
     } else {
         // By centre, so that halves stay apart as far as they can.
-        let axis = (0..3).fold(0, |a, b| {
-            if centres.high[b] - centres.low[b] > centres.high[a] - centres.low[a] { b } else { a }
-        });
+        let axis = (0..3)
+            .fold(0, |a, b| if centres.high[b] - centres.low[b] > centres.high[a] - centres.low[a] { b } else { a });
         part.items.sort_unstable_by(|a, b| a.centre(axis).total_cmp(&b.centre(axis)).then(a.index.cmp(&b.index)));
         count / 2
     };
     let (left, right) = part.items.split_at_mut(middle);
-    Ok((
-        Part::new(left, part.first, part.depth + 1),
-        Part::new(right, part.first + middle, part.depth + 1),
-    ))
+    Ok((Part::new(left, part.first, part.depth + 1), Part::new(right, part.first + middle, part.depth + 1)))
 }
 
 /// Moves those with `first` to the front; returns how many.

@@ -56,6 +56,13 @@ impl Packet {
         (self.words[0][lane], self.words[1][lane]) = (mask as u32, (mask >> 32) as u32);
     }
 
+    /// The cells that any receiver still sees.
+    #[inline(always)]
+    pub fn union(&self) -> u64 {
+        let [low, high] = [&self.words[0], &self.words[1]].map(|words| words.iter().fold(0, |all, word| all | word));
+        u64::from(low) | u64::from(high) << 32
+    }
+
     /// The lanes that still see something, as bits.
     #[inline(always)]
     pub fn unfinished<S: Machine>(&self, simd: S) -> u32 {
@@ -95,7 +102,8 @@ impl Packet {
         chunk: usize,
     ) -> bool {
         let t = &candidate.prepared;
-        let x = [Self::lanes(simd, &self.x, chunk), Self::lanes(simd, &self.y, chunk), Self::lanes(simd, &self.z, chunk)];
+        let x =
+            [Self::lanes(simd, &self.x, chunk), Self::lanes(simd, &self.y, chunk), Self::lanes(simd, &self.z, chunk)];
         let low = S::as_simd_u32s(&self.words[0]).0[chunk];
         let high = S::as_simd_u32s(&self.words[1]).0[chunk];
         let reach = Self::lanes(simd, &self.reach, chunk);
@@ -110,35 +118,37 @@ impl Packet {
             let same = simd.equal_u32s(S::as_simd_u32s(&self.plane).0[chunk], plane);
             alive = simd.and_m32s(alive, simd.not_m32s(same));
         }
-        let span = (norm(to_first) + t.longest) + reach;
-        let view = View { x, to_first, sign, distance, reach, grazing: distance.below(t.grazing * span) };
+        let near = norm(to_first) + t.longest;
+        let grazing = distance.below(t.grazing * (near + reach));
+        let view = View { x, to_first, sign, distance, reach, allowance: (near * reach) * t.rounding, grazing };
+        let wanted = [
+            simd.and_u32s(low, simd.splat_u32s(candidate.cells as u32)),
+            simd.and_u32s(high, simd.splat_u32s((candidate.cells >> 32) as u32)),
+        ];
         let found = if KIND == GRID || KIND == TWISTED {
-            view.over_grid::<KIND, SIDE>(simd, plan, candidate, alive)
+            view.over_grid::<KIND, SIDE>(simd, plan, candidate, alive, wanted)
         } else {
-            view.over_cells::<KIND>(simd, plan, candidate, alive)
+            view.over_cells::<KIND>(simd, plan, candidate, alive, wanted)
         };
-        let Some(Found { mut seen, alive, grazing }) = found else {
+        let Some(Found { mut seen, sure, grazing }) = found else {
             return false;
         };
 
-        for (w, word) in [low, high].into_iter().enumerate() {
-            let cells = simd.splat_u32s((candidate.cells >> (32 * w)) as u32);
-            let blocked = simd.and_u32s(simd.and_u32s(seen[w], cells), word);
-            seen[w] = simd.select_u32s(alive, blocked, simd.splat_u32s(0));
+        let all_doubtful = if candidate.cutout.is_some() { simd.splat_u32s(u32::MAX) } else { simd.splat_u32s(0) };
+        let grazing = simd.select_u32s(grazing, simd.splat_u32s(u32::MAX), all_doubtful);
+        let mut doubt = seen;
+        for w in 0..2 {
+            doubt[w] = simd.and_u32s(seen[w], simd.or_u32s(grazing, simd.not_u32s(sure[w])));
         }
-        let blocked = nonzero(simd, simd.or_u32s(seen[0], seen[1]));
-        if !any(simd, blocked) {
-            return false;
-        }
-        let doubtful = if candidate.cutout.is_some() { blocked } else { simd.and_m32s(grazing, blocked) };
         let mut some = true;
-        if any(simd, doubtful) {
+        if any(simd, nonzero(simd, simd.or_u32s(doubt[0], doubt[1]))) {
             let mut refuted = [[0; PACKET]; 2];
+            let mut certain = [[0; PACKET]; 2];
             for w in 0..2 {
-                let doubt = simd.select_u32s(doubtful, seen[w], simd.splat_u32s(0));
-                S::as_mut_simd_u32s(&mut refuted[w]).0[chunk] = doubt;
+                S::as_mut_simd_u32s(&mut refuted[w]).0[chunk] = doubt[w];
+                S::as_mut_simd_u32s(&mut certain[w]).0[chunk] = sure[w];
             }
-            self.keep_refuted(plan, candidate, &mut refuted);
+            self.keep_refuted(plan, candidate, &certain, &mut refuted);
             for w in 0..2 {
                 seen[w] = simd.xor_u32s(seen[w], S::as_simd_u32s(&refuted[w]).0[chunk]);
             }
@@ -149,16 +159,23 @@ impl Packet {
         some
     }
 
-    /// Leaves in `doubt`, bits that seem blocked, those that the check of grazing hits or the cutout lets through.
+    /// Leaves in `doubt`, bits that seem blocked, those that the scalar predicate or the cutout lets through.
     #[inline(never)]
-    fn keep_refuted(&self, plan: &Plan, candidate: &Candidate, doubt: &mut [[u32; PACKET]; 2]) {
+    fn keep_refuted(
+        &self,
+        plan: &Plan,
+        candidate: &Candidate,
+        sure: &[[u32; PACKET]; 2],
+        doubt: &mut [[u32; PACKET]; 2],
+    ) {
         for (w, words) in doubt.iter_mut().enumerate() {
             for (lane, word) in words.iter_mut().enumerate() {
                 let mut bits = *word;
                 while bits != 0 {
                     let bit = bits & bits.wrapping_neg();
                     bits ^= bit;
-                    if candidate.confirms(plan, self.point(lane), 32 * w + bit.trailing_zeros() as usize) {
+                    let k = 32 * w + bit.trailing_zeros() as usize;
+                    if candidate.confirms(plan, self.point(lane), k, sure[w][lane] & bit != 0) {
                         *word ^= bit;
                     }
                 }
@@ -168,9 +185,9 @@ impl Packet {
 }
 
 impl Candidate<'_> {
-    /// Whether it hides cell `k` from `x`, given that the four functions say so.
-    fn confirms(&self, plan: &Plan, x: [f32; 3], k: usize) -> bool {
-        if self.cutout.is_some() {
+    /// Whether it hides cell `k` from `x`, given that the four functions say so: for `sure`, or nearly.
+    fn confirms(&self, plan: &Plan, x: [f32; 3], k: usize, sure: bool) -> bool {
+        if self.cutout.is_some() || !sure {
             return self.blocks(plan, x, k);
         }
         let height = predicate::dot(self.prepared.normal, predicate::sub(self.prepared.corners[0], x));
@@ -208,13 +225,16 @@ struct View<S: Machine> {
     sign: Lanes<S>,
     distance: Lanes<S>,
     reach: Lanes<S>,
+    /// [`Prepared::allowance`].
+    allowance: Lanes<S>,
     grazing: S::m32s,
 }
 
-/// The cells (two words) that the predicate's four functions accept, for the lanes `alive`.
+/// The wanted cells (two words) that the predicate's four functions accept with the allowance for rounding, and `sure`
+/// those accepted without.
 struct Found<S: Machine> {
     seen: [S::u32s; 2],
-    alive: S::m32s,
+    sure: [S::u32s; 2],
     grazing: S::m32s,
 }
 
@@ -233,12 +253,16 @@ impl<S: Machine> View<S> {
     /// The function n·(c−x) of the cell.
     #[inline(always)]
     fn affine(plan: &Plan, n: LaneVector<S>, anchor: LaneVector<S>) -> Affine<S> {
-        Affine {
-            base: dot_lanes(n, anchor),
-            u: dot(n, plan.edge_u),
-            v: dot(n, plan.edge_v),
-            w: dot(n, plan.twist),
+        Affine { base: dot_lanes(n, anchor), u: dot(n, plan.edge_u), v: dot(n, plan.edge_v), w: dot(n, plan.twist) }
+    }
+
+    /// What the lanes `alive` want of `seen`; `None` if nothing.
+    #[inline(always)]
+    fn among(simd: S, mut seen: [S::u32s; 2], wanted: [S::u32s; 2], alive: S::m32s) -> Option<[S::u32s; 2]> {
+        for w in 0..2 {
+            seen[w] = simd.select_u32s(alive, simd.and_u32s(seen[w], wanted[w]), simd.splat_u32s(0));
         }
+        any(simd, nonzero(simd, simd.or_u32s(seen[0], seen[1]))).then_some(seen)
     }
 
     #[inline(always)]
@@ -248,6 +272,7 @@ impl<S: Machine> View<S> {
         plan: &Plan,
         candidate: &Candidate,
         mut alive: S::m32s,
+        wanted: [S::u32s; 2],
     ) -> Option<Found<S>> {
         let t = &candidate.prepared;
         let anchor = from_point(plan.anchor, self.x);
@@ -263,24 +288,30 @@ impl<S: Machine> View<S> {
             return None;
         }
         let [a, b, c] = self.normals(simd, t);
-        let (a, b, c) =
-            (Self::affine(plan, a, anchor), Self::affine(plan, b, anchor), Self::affine(plan, c, anchor));
-        let [a_bottom, a_top] = a.bounds::<KIND>(simd, plan);
-        let [b_bottom, b_top] = b.bounds::<KIND>(simd, plan);
-        let [c_bottom, c_top] = c.bounds::<KIND>(simd, plan);
-        alive = simd.and_m32s(alive, simd.and_m32s(a_top.not_negative(), b_top.not_negative()));
-        alive = simd.and_m32s(alive, c_top.not_negative());
-        if !any(simd, alive) {
-            return None;
-        }
-        let mut seen = [simd.splat_u32s(plan.all as u32), simd.splat_u32s((plan.all >> 32) as u32)];
-        for (function, bottom) in [(depth, depth_bottom), (a, a_bottom), (b, b_bottom), (c, c_bottom)] {
-            if any(simd, simd.and_m32s(alive, simd.not_m32s(bottom.not_negative()))) {
-                let words = function.words::<KIND, SIDE>(simd, plan);
-                seen = [simd.and_u32s(seen[0], words[0]), simd.and_u32s(seen[1], words[1])];
+        let strict = [Self::affine(plan, a, anchor), Self::affine(plan, b, anchor), Self::affine(plan, c, anchor)];
+        let a = Affine { base: strict[0].base + self.allowance, ..strict[0] };
+        let b = Affine { base: strict[1].base + self.allowance, ..strict[1] };
+        let c = Affine { base: strict[2].base + self.allowance, ..strict[2] };
+        // For few cells the bounds cost more than they save.
+        if plan.count > 16 {
+            for function in [a, b, c] {
+                let [_, top] = function.bounds::<KIND>(simd, plan);
+                alive = simd.and_m32s(alive, top.not_negative());
+            }
+            if !any(simd, alive) {
+                return None;
             }
         }
-        Some(Found { seen, alive, grazing: self.grazing })
+        let undecided = any(simd, simd.and_m32s(alive, simd.not_m32s(depth_bottom.not_negative())));
+        let seen = if undecided {
+            words::<S, KIND, SIDE, true>(simd, plan, a, b, c, depth)
+        } else {
+            words::<S, KIND, SIDE, false>(simd, plan, a, b, c, depth)
+        };
+        let seen = Self::among(simd, seen, wanted, alive)?;
+        let [a, b, c] = strict;
+        let sure = words::<S, KIND, SIDE, false>(simd, plan, a, b, c, depth);
+        Some(Found { seen, sure, grazing: self.grazing })
     }
 
     #[inline(always)]
@@ -290,6 +321,7 @@ impl<S: Machine> View<S> {
         plan: &Plan,
         candidate: &Candidate,
         mut alive: S::m32s,
+        wanted: [S::u32s; 2],
     ) -> Option<Found<S>> {
         let t = &candidate.prepared;
         let normals = self.normals(simd, t);
@@ -297,7 +329,7 @@ impl<S: Machine> View<S> {
         let middle = if KIND == POINTS { from_point(plan.anchor, self.x) } else { splat(simd, plan.anchor) };
         for n in normals {
             let slack = norm(n) * self.reach * (1.0 / 65536.0);
-            let top = (dot_lanes(n, middle) + dot(abs(n), plan.half)) + slack;
+            let top = ((dot_lanes(n, middle) + dot(abs(n), plan.half)) + slack) + self.allowance;
             alive = simd.and_m32s(alive, top.not_negative());
         }
         if !any(simd, alive) {
@@ -306,30 +338,39 @@ impl<S: Machine> View<S> {
         let zero = Lanes::splat(simd, 0.0);
         let mut grazing = if KIND == POINTS { self.grazing } else { zero.below(zero) };
         let mut seen = [simd.splat_u32s(0); 2];
+        let mut sure = seen;
         for k in 0..plan.count {
             if candidate.cells >> k & 1 == 0 {
                 continue;
             }
             let cell = plan.cells[k];
             let mut pass;
+            let mut certain;
             if KIND == POINTS {
                 let d = from_point(cell, self.x);
-                let before = (plan.far * dot(d, t.normal)).flip(self.sign) - self.distance;
-                pass = before.not_negative();
+                pass = ((plan.far * dot(d, t.normal)).flip(self.sign) - self.distance).not_negative();
+                certain = pass;
                 for n in normals {
-                    pass = simd.and_m32s(pass, dot_lanes(n, d).not_negative());
+                    let e = dot_lanes(n, d);
+                    certain = simd.and_m32s(certain, e.not_negative());
+                    pass = simd.and_m32s(pass, (e + self.allowance).not_negative());
                 }
             } else {
                 let rise = Lanes::splat(simd, plan.far * predicate::dot(t.normal, cell)).flip(self.sign);
                 grazing = simd.or_m32s(grazing, rise.below(t.grazing * self.reach));
                 pass = (rise - f32::MIN_POSITIVE).not_negative();
+                certain = pass;
                 for n in normals {
-                    pass = simd.and_m32s(pass, dot(n, cell).not_negative());
+                    let e = dot(n, cell);
+                    certain = simd.and_m32s(certain, e.not_negative());
+                    pass = simd.and_m32s(pass, (e + self.allowance).not_negative());
                 }
             }
             seen[k >> 5] = simd.or_u32s(seen[k >> 5], bit_where(simd, pass, k));
+            sure[k >> 5] = simd.or_u32s(sure[k >> 5], bit_where(simd, certain, k));
         }
-        Some(Found { seen, alive, grazing })
+        let seen = Self::among(simd, seen, wanted, alive)?;
+        Some(Found { seen, sure, grazing })
     }
 }
 
@@ -349,6 +390,19 @@ struct Affine<S: Machine> {
 }
 
 impl<S: Machine> Affine<S> {
+    /// Minus the value at u = 0.
+    #[inline(always)]
+    fn negative_row(&self, simd: S, v: f32) -> Lanes<S> {
+        (self.base + v * self.v).flip(Lanes::splat(simd, -0.0))
+    }
+
+    /// The value at cell `k`.
+    #[inline(always)]
+    fn at<const KIND: u8>(&self, plan: &Plan, k: usize) -> Lanes<S> {
+        let slope = if KIND == TWISTED { self.u + plan.v[k] * self.w } else { self.u };
+        (self.base + plan.v[k] * self.v) + plan.u[k] * slope
+    }
+
     /// Least and greatest computed value over the cells, or bounds on them. A twisted grid has none: it is not monotone
     /// after rounding, and rare.
     #[inline(always)]
@@ -360,31 +414,60 @@ impl<S: Machine> Affine<S> {
         let (left, right) = (plan.u_range[0] * self.u, plan.u_range[1] * self.u);
         [near.min(far) + left.min(right), near.max(far) + left.max(right)]
     }
+}
 
-    /// The cells for which the function is not negative.
-    #[inline(always)]
-    fn words<const KIND: u8, const SIDE: usize>(&self, simd: S, plan: &Plan) -> [S::u32s; 2] {
-        let mut words = [simd.splat_u32s(0); 2];
-        if SIDE > 0 {
-            let mut columns = [self.u; SIDE];
-            for (i, column) in columns.iter_mut().enumerate() {
-                *column = plan.u[i] * self.u;
-            }
-            for j in 0..SIDE {
-                let row = self.base + plan.v[j * SIDE] * self.v;
-                for (i, &column) in columns.iter().enumerate() {
-                    let k = j * SIDE + i;
-                    let bit = bit_where(simd, (row + column).not_negative(), k);
-                    words[k >> 5] = simd.or_u32s(words[k >> 5], bit);
+/// The cells for which none of the functions is negative, in two words.
+///
+/// The sum of row and column has the sign that comparing the column with the row's negative tells: rounding never
+/// changes a sign.
+#[inline(always)]
+fn words<S: Machine, const KIND: u8, const SIDE: usize, const DEPTH: bool>(
+    simd: S,
+    plan: &Plan,
+    a: Affine<S>,
+    b: Affine<S>,
+    c: Affine<S>,
+    depth: Affine<S>,
+) -> [S::u32s; 2] {
+    let mut words = [simd.splat_u32s(0); 2];
+    if SIDE > 0 {
+        let mut columns = [[a.u; 4]; SIDE];
+        for i in 0..SIDE {
+            columns[i] = [plan.u[i] * a.u, plan.u[i] * b.u, plan.u[i] * c.u, plan.u[i] * depth.u];
+        }
+        let rows_in_word = if SIDE == 8 { 4 } else { SIDE };
+        for w in 0..SIDE / rows_in_word {
+            let mut bit = simd.splat_u32s(1);
+            for j in w * rows_in_word..(w + 1) * rows_in_word {
+                let v = plan.v[j * SIDE];
+                let (a, b, c, depth) = (
+                    a.negative_row(simd, v),
+                    b.negative_row(simd, v),
+                    c.negative_row(simd, v),
+                    depth.negative_row(simd, v),
+                );
+                for i in 0..SIDE {
+                    let mut pass = columns[i][0].at_least(a);
+                    pass = simd.and_m32s(pass, columns[i][1].at_least(b));
+                    pass = simd.and_m32s(pass, columns[i][2].at_least(c));
+                    if DEPTH {
+                        pass = simd.and_m32s(pass, columns[i][3].at_least(depth));
+                    }
+                    words[w] = simd.or_u32s(words[w], simd.select_u32s(pass, bit, simd.splat_u32s(0)));
+                    bit = simd.add_u32s(bit, bit);
                 }
             }
-        } else {
-            for k in 0..plan.count {
-                let slope = if KIND == TWISTED { self.u + plan.v[k] * self.w } else { self.u };
-                let value = (self.base + plan.v[k] * self.v) + plan.u[k] * slope;
-                words[k >> 5] = simd.or_u32s(words[k >> 5], bit_where(simd, value.not_negative(), k));
-            }
         }
-        words
+    } else {
+        for k in 0..plan.count {
+            let mut pass = a.at::<KIND>(plan, k).not_negative();
+            pass = simd.and_m32s(pass, b.at::<KIND>(plan, k).not_negative());
+            pass = simd.and_m32s(pass, c.at::<KIND>(plan, k).not_negative());
+            if DEPTH {
+                pass = simd.and_m32s(pass, depth.at::<KIND>(plan, k).not_negative());
+            }
+            words[k >> 5] = simd.or_u32s(words[k >> 5], bit_where(simd, pass, k));
+        }
     }
+    words
 }

@@ -24,16 +24,20 @@ impl Task for Clear<'_> {
         let Clear { hierarchy, plan, points, masks } = self;
         let mut tally = Tally::default();
         let mut search = Search { hierarchy, plan, last_blocker: None, tested: false };
-        for first in (0..masks.len()).step_by(PACKET) {
-            let masks = &mut masks[first..(first + PACKET).min(points.len())];
-            let mut packet = pack(plan, points, first, masks);
-            let idle = masks.iter().filter(|&&mask| mask & plan.all == 0).count() as u64;
-            tally.masks += masks.len() as u64;
-            tally.rays += masks.iter().map(|mask| u64::from(mask.count_ones())).sum::<u64>();
+        for numbers in in_packets(points).chunks(PACKET) {
+            let mut packet = pack(plan, points, numbers, masks);
+            let mut idle = 0;
+            for &number in numbers {
+                let mask = masks[number as u32 as usize];
+                tally.rays += u64::from(mask.count_ones());
+                idle += u64::from(mask & plan.all == 0);
+            }
             search.tested = false;
             search.descend(machine, &mut packet);
-            tally.masks_without_rays += if search.tested { idle } else { masks.len() as u64 };
-            for (lane, mask) in masks.iter_mut().enumerate() {
+            tally.masks += numbers.len() as u64;
+            tally.masks_without_rays += if search.tested { idle } else { numbers.len() as u64 };
+            for (lane, &number) in numbers.iter().enumerate() {
+                let mask = &mut masks[number as u32 as usize];
                 *mask = (*mask & !plan.all) | packet.mask(lane);
             }
         }
@@ -41,9 +45,38 @@ impl Task for Clear<'_> {
     }
 }
 
-/// The points from `first` on; lanes beyond the last one repeat it and have nothing left to see.
+/// The numbers of the points (in the lower halves) along a Morton curve through their box: neighbours share a packet.
+fn in_packets(points: Points) -> Vec<u64> {
+    let mut numbers: Vec<u64> = (0..points.len() as u64).collect();
+    if numbers.len() > PACKET {
+        let mut scale = 0f32;
+        let low = [points.x, points.y, points.z].map(|axis| {
+            let low = axis.iter().copied().fold(f32::INFINITY, f32::min);
+            scale = scale.max(axis.iter().copied().fold(f32::NEG_INFINITY, f32::max) - low);
+            low
+        });
+        let scale = 1023.0 / scale;
+        for (i, number) in numbers.iter_mut().enumerate() {
+            // The cast saturates, and takes NaN to 0.
+            let [x, y, z] = std::array::from_fn(|a| spread(((points.at(i)[a] - low[a]) * scale) as u32));
+            *number |= u64::from(x | y << 1 | z << 2) << 32;
+        }
+        numbers.sort_unstable();
+    }
+    numbers
+}
+
+/// Ten bits, two apart.
+fn spread(t: u32) -> u32 {
+    let t = (t | t << 16) & 0x0300_00ff;
+    let t = (t | t << 8) & 0x0300_f00f;
+    let t = (t | t << 4) & 0x030c_30c3;
+    (t | t << 2) & 0x0924_9249
+}
+
+/// The points with these numbers; lanes beyond the last one repeat it and have nothing left to see.
 #[inline(always)]
-fn pack(plan: &Plan, points: Points, first: usize, masks: &[u64]) -> Packet {
+fn pack(plan: &Plan, points: Points, numbers: &[u64], masks: &[u64]) -> Packet {
     let mut packet = Packet {
         x: [0.0; PACKET],
         y: [0.0; PACKET],
@@ -53,12 +86,12 @@ fn pack(plan: &Plan, points: Points, first: usize, masks: &[u64]) -> Packet {
         words: [[0; PACKET]; 2],
     };
     for lane in 0..PACKET {
-        let i = first + lane.min(masks.len() - 1);
+        let i = numbers[lane.min(numbers.len() - 1)] as u32 as usize;
         let x = points.at(i);
         [packet.x[lane], packet.y[lane], packet.z[lane]] = x;
         packet.reach[lane] = plan.reach(x);
         packet.plane[lane] = points.plane[i];
-        packet.set_mask(lane, masks.get(lane).map_or(0, |mask| mask & plan.all));
+        packet.set_mask(lane, if lane < numbers.len() { masks[i] & plan.all } else { 0 });
     }
     packet
 }
@@ -85,10 +118,11 @@ impl Search<'_> {
                 unfinished = packet.unfinished(machine);
             }
         }
-        let mut in_shaft = unfinished.count_ones();
+        let mut in_shaft = (unfinished.count_ones(), packet.union().count_ones());
+        let mut cleared = false;
         let mut stack = [0u32; STACK];
         let mut height = 1;
-        while height > 0 && unfinished != 0 {
+        while height > 0 {
             height -= 1;
             let node = &self.hierarchy.nodes[stack[height] as usize];
             let mut children = shaft.children(machine, node);
@@ -104,6 +138,7 @@ impl Search<'_> {
                     Target::Triangles(range) => {
                         for index in range {
                             if self.test(machine, packet, index) {
+                                cleared = true;
                                 unfinished = packet.unfinished(machine);
                                 if unfinished == 0 {
                                     return;
@@ -115,9 +150,14 @@ impl Search<'_> {
             }
             // The largest child was found first and is to be visited first.
             stack[above..height].reverse();
-            if 2 * unfinished.count_ones() <= in_shaft {
-                shaft = Shaft::new(self.plan, packet, unfinished, &self.hierarchy.bounds);
-                in_shaft = unfinished.count_ones();
+            // A narrower shaft, once it is for much fewer receivers or cells.
+            if cleared {
+                cleared = false;
+                let size = (unfinished.count_ones(), packet.union().count_ones());
+                if 2 * size.0 <= in_shaft.0 || 4 * size.1 <= 3 * in_shaft.1 {
+                    shaft = Shaft::new(self.plan, packet, unfinished, &self.hierarchy.bounds);
+                    in_shaft = size;
+                }
             }
         }
     }

@@ -73,13 +73,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
 /// The children whose boxes the ray passes before `far`, as bits, and where it enters them. Boxes grow with their
 /// distance, see [`SHAFT_MARGIN`].
 #[inline(always)]
-fn passed<M: Machine>(
-    machine: M,
-    node: &Node,
-    origin: [f32; 3],
-    inverse: [f32; 3],
-    far: f32,
-) -> (u32, [f32; WIDTH]) {
+fn passed<M: Machine>(machine: M, node: &Node, origin: [f32; 3], inverse: [f32; 3], far: f32) -> (u32, [f32; WIDTH]) {
     let (mut bits, mut enters) = (0, [0.0; WIDTH]);
     for chunk in 0..WIDTH / M::F32_LANES {
         let mut low = splat(machine, [0.0; 3]);
@@ -88,11 +82,8 @@ fn passed<M: Machine>(
             low[i] = Lanes::new(machine, M::as_simd_f32s(&node.low[i]).0[chunk]) - origin[i];
             high[i] = Lanes::new(machine, M::as_simd_f32s(&node.high[i]).0[chunk]) - origin[i];
         }
-        let farthest = [
-            low[0].abs().max(high[0].abs()),
-            low[1].abs().max(high[1].abs()),
-            low[2].abs().max(high[2].abs()),
-        ];
+        let farthest =
+            [low[0].abs().max(high[0].abs()), low[1].abs().max(high[1].abs()), low[2].abs().max(high[2].abs())];
         let margin = ((farthest[0] + farthest[1]) + farthest[2]) * SHAFT_MARGIN;
         let mut enter = Lanes::splat(machine, 0.0);
         let mut leave = Lanes::splat(machine, far);

@@ -42,8 +42,6 @@ pub(crate) struct Plan {
     pub half: Vector,
     /// No cell is farther (in the sum of coordinates) from the anchor than this.
     pub spread: f32,
-    /// Box around the cells.
-    pub bounds: (Vector, Vector),
     /// Share of the way that counts; 1 for directions.
     pub far: f32,
     pub plane: u32,
@@ -69,7 +67,6 @@ impl Plan {
             twist: [0.0; 3],
             half: [0.0; 3],
             spread: 0.0,
-            bounds: ([0.0; 3], [0.0; 3]),
             far: shooter.far,
             plane: shooter.plane,
         };
@@ -102,14 +99,17 @@ impl Plan {
                 }
             }
         }
-        plan.bounds = around(&plan.cells[..count]);
         plan
     }
 
     /// Bound on the distance from `x` to any cell; for directions, on their length.
     #[inline(always)]
     pub fn reach(&self, x: Vector) -> f32 {
-        if self.kind == Kind::Directions { norm(self.anchor) + self.spread } else { norm(sub(self.anchor, x)) + self.spread }
+        if self.kind == Kind::Directions {
+            norm(self.anchor) + self.spread
+        } else {
+            norm(sub(self.anchor, x)) + self.spread
+        }
     }
 
     /// From `x` to cell `k`.
@@ -118,13 +118,13 @@ impl Plan {
         if self.kind == Kind::Directions { self.cells[k] } else { sub(self.cells[k], x) }
     }
 
-    /// n·(c−x) for cell `k`.
+    /// n·(c−x) + allowance for cell `k`.
     #[inline(always)]
-    pub fn along(&self, n: Vector, x: Vector, k: usize) -> f32 {
+    pub fn along(&self, n: Vector, x: Vector, k: usize, allowance: f32) -> f32 {
         match self.kind {
-            Kind::Points | Kind::Directions => dot(n, self.towards(x, k)),
+            Kind::Points | Kind::Directions => dot(n, self.towards(x, k)) + allowance,
             Kind::Grid | Kind::TwistedGrid => {
-                let base = dot(n, sub(self.anchor, x));
+                let base = dot(n, sub(self.anchor, x)) + allowance;
                 self.affine([base, dot(n, self.edge_u), dot(n, self.edge_v), dot(n, self.twist)], k)
             }
         }

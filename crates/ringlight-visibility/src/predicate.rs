@@ -7,11 +7,12 @@
 //! of cells they are affine, which is what makes masks cheap.
 //!
 //! *Watertight.* A shared edge is the same pair of numbers in both triangles, even when its corners are stored twice, so
-//! both compute the same bits up to a sign, and a value of 0 counts as inside for both (compare Woop, Benthin & Wald
-//! 2013, who reach the same with a shear per ray). The edge enters as v₁−v₀, not as the difference of two vectors from x:
-//! that is far better conditioned for small distant triangles.
+//! both compute the same bits up to a sign (compare Woop, Benthin & Wald 2013, who reach this with a shear per ray). The
+//! edge enters as v₁−v₀, not as the difference of two vectors from x: that is far better conditioned for small distant
+//! triangles. A value of 0 counts as inside for both. At a corner many edges meet, and rounding could put the ray outside
+//! of each triangle in turn; so where two functions are 0 as far as rounding can tell (see [`ROUNDING`]), they count as 0.
 //!
-//! *Rounding.* Each function errs by at most 2⁻²⁰ · |v−x| · |edge| · |c−x|. Where the receiver is high above the
+//! *Rounding.* Each function errs by at most ROUNDING · |v−x| · |edge| · |c−x|. Where the receiver is high above the
 //! triangle's plane this moves a hit by a small share of the way only. Where it grazes the plane, or the triangle is a
 //! needle, it could claim hits far from the triangle; there (see [`GRAZING`]) the segment must also pass the triangle's
 //! box, grown by [`BOX_MARGIN`] of the reach. Hence every accepted segment passes within [`SHAFT_MARGIN`] of the reach
@@ -22,11 +23,15 @@
 use crate::plan::{Plan, distance};
 use crate::{Filter, Hit, OPAQUE, Ray, Triangle};
 
+/// Bound on the error of an edge function, relative to |v−x| · |edge| · |c−x|: some fourteen roundings of 2⁻²⁴.
+pub(crate) const ROUNDING: f32 = 1.0 / 1048576.0;
+
 /// A receiver is grazing when |T| < GRAZING · longest² · (|v₀−x|₁ + longest + reach).
 ///
-/// Otherwise the hit moves by at most 2 · 2⁻²⁰ / GRAZING of the reach across the ray (the factor longest² / |N| by which
-/// a needle's tip outruns its edges is in the rule) and by 2⁻²⁰ / GRAZING along it.
-pub(crate) const GRAZING: f32 = 1.0 / 128.0;
+/// Otherwise a barycentric weight, an edge function over N·(c−x), is wrong by at most 2 · ROUNDING · |v−x| · reach /
+/// (GRAZING · longest · (|v−x| + reach)), so that the hit lies within 6 · ROUNDING / GRAZING of the reach of the
+/// triangle; along the way it is wrong by at most ROUNDING / GRAZING.
+pub(crate) const GRAZING: f32 = 1.0 / 64.0;
 
 /// Growth of the triangle's box in the check of grazing hits, as a share of the reach.
 pub(crate) const BOX_MARGIN: f32 = 1.0 / 2048.0;
@@ -74,29 +79,27 @@ pub(crate) struct Prepared {
     pub longest: f32,
     /// GRAZING · longest².
     pub grazing: f32,
+    /// ROUNDING · longest.
+    pub rounding: f32,
 }
 
 impl Prepared {
     #[inline(always)]
     pub fn new(triangle: &Triangle) -> Prepared {
-        let [mut a, mut b, mut c] = triangle.corners;
-        if before(b, a) {
-            (a, b) = (b, a);
-        }
-        if before(c, b) {
-            (b, c) = (c, b);
-            if before(b, a) {
-                (a, b) = (b, a);
-            }
-        }
+        // Sorted without branches, which would be mispredicted: the three comparisons name the permutation.
+        let [a, b, c] = triangle.corners;
+        let order = usize::from(before(a, b)) | usize::from(before(b, c)) << 1 | usize::from(before(a, c)) << 2;
+        let [a, b, c] = ORDERS[order].map(|i| triangle.corners[i as usize]);
         let edges = [sub(b, a), sub(c, b), sub(c, a)];
-        let squared = edges.iter().map(|&e| dot(e, e)).fold(0.0, f32::max);
+        let squared = greatest([dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2])]);
+        let longest = greatest([norm(edges[0]), norm(edges[1]), norm(edges[2])]);
         Prepared {
             corners: [a, b, c],
             edges,
             normal: cross(edges[0], edges[2]),
-            longest: norm(edges[0]).max(norm(edges[1])).max(norm(edges[2])),
+            longest,
             grazing: GRAZING * squared,
+            rounding: ROUNDING * longest,
         }
     }
 
@@ -104,12 +107,14 @@ impl Prepared {
     #[inline(always)]
     pub fn planes(&self, x: Vector) -> ([Vector; 3], f32) {
         let (to_first, to_second) = (sub(self.corners[0], x), sub(self.corners[1], x));
-        let normals = [
-            cross(to_first, self.edges[0]),
-            cross(to_second, self.edges[1]),
-            cross(self.edges[2], to_first),
-        ];
+        let normals = [cross(to_first, self.edges[0]), cross(to_second, self.edges[1]), cross(self.edges[2], to_first)];
         (normals, dot(self.normal, to_first))
+    }
+
+    /// What rounding may take from an edge function, see [`ROUNDING`]; `reach` bounds the way to the cells.
+    #[inline(always)]
+    pub fn allowance(&self, x: Vector, reach: f32) -> f32 {
+        ((norm(sub(self.corners[0], x)) + self.longest) * reach) * self.rounding
     }
 
     /// Least and greatest coordinates.
@@ -139,10 +144,21 @@ impl Prepared {
     }
 }
 
-/// The order of coordinates, x first; equal points are in either order.
+/// The greatest of three. (`f32::max` would also look for NaN.)
+#[inline(always)]
+fn greatest([a, b, c]: [f32; 3]) -> f32 {
+    let most = if a > b { a } else { b };
+    if c > most { c } else { most }
+}
+
+/// The corners' order for the answers a < b, b < c, a < c (bits 0 to 2). The answers of 3 and 4 contradict each other
+/// but for equal points, which make slivers.
+const ORDERS: [[u8; 3]; 8] = [[2, 1, 0], [2, 0, 1], [1, 2, 0], [0, 1, 2], [0, 1, 2], [0, 2, 1], [1, 0, 2], [0, 1, 2]];
+
+/// The order of coordinates, x first; equal points are not before each other.
 #[inline(always)]
 fn before(p: Vector, q: Vector) -> bool {
-    p[0] < q[0] || p[0] == q[0] && (p[1] < q[1] || p[1] == q[1] && p[2] < q[2])
+    (p[0] < q[0]) | ((p[0] == q[0]) & ((p[1] < q[1]) | ((p[1] == q[1]) & (p[2] < q[2]))))
 }
 
 /// Whether the triangle is too thin or not finite, so that it blocks nothing. A rule of the triangle alone.
@@ -152,6 +168,14 @@ pub(crate) fn is_sliver(triangle: &Triangle) -> bool {
     let area = dot(t.normal, t.normal).sqrt();
     let finite = triangle.corners.iter().flatten().all(|c| c.is_finite()) && area.is_finite() && squared.is_finite();
     !finite || squared == 0.0 || area < SLIVER * squared
+}
+
+/// Whether the edge functions say inside: none is negative, or at a corner none is for certain. `nearly` are the same
+/// functions with the allowance for rounding added.
+#[inline(always)]
+fn is_inside(inside: [f32; 3], nearly: [f32; 3], allowance: f32) -> bool {
+    inside.iter().all(|&e| e >= 0.0)
+        || nearly.iter().all(|&e| e >= 0.0) && inside.iter().filter(|&&e| e <= allowance).count() >= 2
 }
 
 /// Barycentric weights of the corners in the order of their coordinates, or `None`: the triangle hides cell `k` of the
@@ -164,8 +188,11 @@ pub(crate) fn hit(plan: &Plan, t: &Prepared, x: Vector, k: usize) -> Option<[f32
     }
     let sign = 1f32.copysign(height);
     let before_cell = plan.before_cell(t, x, k, height);
-    let inside = normals.map(|n| sign * plan.along(n, x, k));
-    if !(before_cell >= 0.0 && inside.iter().all(|&e| e >= 0.0)) {
+    let allowance = t.allowance(x, plan.reach(x));
+    let turned = normals.map(|n| n.map(|c| sign * c));
+    let inside = turned.map(|n| plan.along(n, x, k, 0.0));
+    let nearly = turned.map(|n| plan.along(n, x, k, allowance));
+    if !(before_cell >= 0.0 && is_inside(inside, nearly, allowance)) {
         return None;
     }
     if plan.is_grazing(t, x, k, height) && !plan.passes_box(t, x, k) {
@@ -193,8 +220,9 @@ pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray
     if !(height.abs() > 0.0 && rise > 0.0) {
         return None;
     }
+    let allowance = t.allowance(ray.origin, norm(ray.direction));
     let inside = normals.map(|n| sign * dot(n, ray.direction));
-    if !inside.iter().all(|&e| e >= 0.0) {
+    if !is_inside(inside, inside.map(|e| e + allowance), allowance) {
         return None;
     }
     let mut way = height.abs() / rise;
@@ -215,12 +243,7 @@ pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray
         (place(triangle.corners[0]), place(triangle.corners[1])),
         (Some(0), Some(1)) | (Some(1), Some(2)) | (Some(2), Some(0))
     );
-    Some(Hit {
-        distance: way,
-        triangle: triangle.id,
-        barycentric: [share[1], share[2]],
-        front: (height < 0.0) == even,
-    })
+    Some(Hit { distance: way, triangle: triangle.id, barycentric: [share[1], share[2]], front: (height < 0.0) == even })
 }
 
 /// Whether `a` is to be reported rather than `b`: the nearer, then the lower id.

@@ -30,7 +30,8 @@ struct Plane {
 }
 
 impl Shaft {
-    /// Around the receivers of the lanes `unfinished`; `scene` is the box of all triangles.
+    /// Around the receivers of the lanes `unfinished` and the cells that any of them still sees; `scene` is the box of
+    /// all triangles.
     pub fn new(plan: &Plan, packet: &Packet, unfinished: u32, scene: &Bounds) -> Shaft {
         let mut points = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         let mut reach = 0.0f32;
@@ -38,7 +39,12 @@ impl Shaft {
             extend(&mut points, packet.point(lane));
             reach = reach.max(packet.reach[lane]);
         }
-        let mut cells = plan.bounds;
+        let mut bits = packet.union();
+        let mut cells = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+        while bits != 0 {
+            extend(&mut cells, plan.cells[bits.trailing_zeros() as usize]);
+            bits &= bits - 1;
+        }
         if plan.kind == Kind::Directions {
             // No triangle is farther than this from any of the receivers.
             reach = (0..3).map(|i| (scene.high[i] - points.0[i]).max(points.1[i] - scene.low[i]).max(0.0)).sum();

@@ -67,7 +67,9 @@ impl Filter {
                 // `count` numbers of the next power of two and block by rank.
                 let size = count.next_power_of_two() as u32;
                 let bits = size.trailing_zeros();
-                let key = |k: u32| if bits == 0 { 0 } else { (k ^ (seed % size)).reverse_bits() >> (32 - bits) };
+                let key = |k: u32| {
+                    if bits == 0 { 0 } else { (k ^ (seed % size)).reverse_bits() >> (32 - bits) }
+                };
                 (0..count as u32)
                     .filter(|&k| {
                         let rank = (0..count as u32).filter(|&other| key(other) < key(k)).count();

@@ -1,7 +1,11 @@
 //! Lit models, pictures, tables, reports.
 
+mod ambient;
 mod camera;
 mod exposure;
+#[cfg(test)]
+mod fixture;
+mod gltf;
 mod picture;
 #[cfg(test)]
 mod scenes;
@@ -10,8 +14,10 @@ mod smooth;
 mod table;
 mod vtu;
 
+pub use ambient::ambient;
 pub use camera::{CameraError, Projection, View};
 pub use exposure::Exposure;
+pub use gltf::{LitOptions, LitReport, write_glb, write_gltf};
 pub use picture::{FalseColour, Picture, PictureOptions, Scale, Tone, Unit, render, write_exr, write_png};
 pub use smooth::Smooth;
 pub use table::write_table;

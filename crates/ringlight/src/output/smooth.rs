@@ -1,27 +1,179 @@
 //! Light between the elements' sample points.
+//!
+//! The light at a corner is the mean over the elements that touch it and belong to the same smooth surface: they lie on
+//! the same side and their normals turn by less than 30° from one to the next. A corner on the edge of a neighbour's
+//! larger element counts that element too, so that grids that do not match show no seam. Four refinements:
+//!
+//! - elements covered by other geometry, or in closed pockets, take the light of their neighbours (`fill`);
+//! - at the border of a surface, light goes on with its gradient instead of stopping at the last element's middle
+//!   (`field`);
+//! - elements of one plane that differ much are tested for a wall between them, by rays (`walls`); where there is one,
+//!   the corner has different light in different elements;
+//! - triangles that were paired, and patches of one face, form one grid (`lattice`) and need no search.
 
+mod field;
+mod fill;
+pub(in crate::output) mod lattice;
+mod places;
+#[cfg(test)]
+mod tests;
+mod walls;
+
+use crate::mesh::Frame;
 use crate::quantity::Rgb;
 use crate::solution::Solution;
+use field::{Field, Side, Work, element_of, sides};
 use glam::DVec2;
+use lattice::Lattice;
+use rayon::prelude::*;
+use ringlight_visibility::Layout;
+use walls::{Split, Walls};
 
 /// Irradiance at the corners of elements, interpolated over smooth surfaces but not across edges, creases or walls.
-pub struct Smooth<'a>(&'a Solution);
+pub struct Smooth<'a> {
+    solution: &'a Solution,
+    /// For each facet, where the vertices of its front begin; those of the back follow.
+    first_vertex: Vec<u64>,
+    /// Irradiance at the vertices of the facets' lattices, W/m² or lux.
+    vertices: Vec<Rgb>,
+    /// Corners that walls cut off from their vertex, sorted by element.
+    splits: Vec<Split>,
+}
+
+/// Facets that a thread takes at a time.
+const CHUNK: usize = 64;
 
 impl<'a> Smooth<'a> {
     /// Of a solution.
     pub fn new(solution: &'a Solution) -> Smooth<'a> {
-        Smooth(solution)
+        let mesh = &solution.mesh;
+        let mut field = Field::new(solution);
+        fill::fill(&mut field);
+        let walls = Walls::new(mesh);
+        let numbers: Vec<u32> = (0..mesh.facets.len() as u32).collect();
+        let parts: Vec<(Vec<Rgb>, Vec<Split>)> = numbers
+            .par_chunks(CHUNK)
+            .map_init(Work::default, |work, chunk| {
+                let mut made = (Vec::new(), Vec::new());
+                for side in chunk.iter().flat_map(|&f| sides(mesh, f)) {
+                    smooth_side(&field, &walls, side, work, &mut made);
+                }
+                made
+            })
+            .collect();
+        let mut first_vertex = Vec::with_capacity(mesh.facets.len());
+        let mut next = 0;
+        for facet in &mesh.facets {
+            first_vertex.push(next);
+            next += Lattice::of(facet).vertex_count() as u64 * if facet.double_sided() { 2 } else { 1 };
+        }
+        let (mut vertices, mut splits) = (Vec::with_capacity(next as usize), Vec::new());
+        for (v, s) in parts {
+            vertices.extend(v);
+            splits.extend(s);
+        }
+        splits.sort_unstable_by_key(|s| (s.element, s.corner));
+        Smooth { solution, first_vertex, vertices, splits }
     }
 
     /// Irradiance at the corners of an element, in the order of [`crate::mesh::Frame::corner_parameters`] of its facet's
-    /// layout; a triangle repeats the last one.
+    /// layout; a triangle repeats the last one. W/m² or lux.
     pub fn corners(&self, element: u32) -> [Rgb; 4] {
-        [self.0.irradiance(element); 4]
+        let (side, cell) = self.locate(element);
+        let facet = &self.solution.mesh.facets[side.facet as usize];
+        let lattice = Lattice::of(facet);
+        let back = if side.back { lattice.vertex_count() } else { 0 };
+        let first = self.first_vertex[side.facet as usize] as usize + back;
+        let mut corners = lattice.corners(cell).map(|v| self.vertices[first + lattice.vertex_index(v)]);
+        for split in self.splits(element) {
+            corners[usize::from(split.corner)] = split.light;
+        }
+        if lattice.layout == Layout::Triangle {
+            corners[3] = corners[2];
+        }
+        corners
     }
 
-    /// Irradiance at parameters `within` of an element.
+    /// Irradiance at parameters `within` of an element: bilinear in quadrilaterals, linear in triangles. W/m² or lux.
     pub fn at(&self, element: u32, within: DVec2) -> Rgb {
-        let _ = within;
-        self.0.irradiance(element)
+        let corners = self.corners(element);
+        let (u, v) = (within.x.clamp(0.0, 1.0) as f32, within.y.clamp(0.0, 1.0) as f32);
+        let (side, _) = self.locate(element);
+        let weights = match self.solution.mesh.facets[side.facet as usize].layout() {
+            Layout::Quad => [(1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v],
+            Layout::Triangle => [(1.0 - u - v).max(0.0), u, v, 0.0],
+        };
+        std::array::from_fn(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
+    }
+
+    /// Whether a wall cuts a corner of an element off from the vertex it shares.
+    pub(in crate::output) fn is_split(&self, element: u32) -> bool {
+        !self.splits(element).is_empty()
+    }
+
+    fn splits(&self, element: u32) -> &[Split] {
+        let start = self.splits.partition_point(|s| s.element < element);
+        let count = self.splits[start..].iter().take_while(|s| s.element == element).count();
+        &self.splits[start..start + count]
+    }
+
+    /// The side of a facet that an element lies on, and its cell.
+    fn locate(&self, element: u32) -> (Side, u32) {
+        let mesh = &self.solution.mesh;
+        let cluster = &mesh.clusters[mesh.clusters.partition_point(|c| c.elements.end <= element)];
+        // The last patch of the cluster that begins at or before the element.
+        let first_element = |id: u32| {
+            let code = mesh.patch_facets[id as usize];
+            let facet = &mesh.facets[(code >> 1) as usize];
+            match code & 1 {
+                1 => facet.first_back_element + (id - facet.first_back_patch) * facet.elements_per_patch(),
+                _ => facet.first_element + (id - facet.first_patch) * facet.elements_per_patch(),
+            }
+        };
+        let (mut low, mut high) = (cluster.patches.start, cluster.patches.end);
+        while high - low > 1 {
+            let middle = low + (high - low) / 2;
+            if first_element(middle) <= element { low = middle } else { high = middle }
+        }
+        let code = mesh.patch_facets[low as usize];
+        let side = Side { facet: code >> 1, back: code & 1 == 1 };
+        let facet = &mesh.facets[side.facet as usize];
+        let first_patch = if side.back { facet.first_back_patch } else { facet.first_patch };
+        let layout = facet.layout();
+        let within = crate::mesh::Tile::of(layout, facet.elements.map(u32::from), element - first_element(low));
+        let middle = facet.patch_tile(low - first_patch).at(within.at(Frame::middle(layout)));
+        let (cell, _) = crate::mesh::Tile::find(layout, Lattice::of(facet).size, middle);
+        (side, cell)
+    }
+}
+
+/// Appends the vertices of one side, and the corners that walls cut off.
+fn smooth_side(
+    field: &Field<'_>,
+    walls: &Walls<'_>,
+    side: Side,
+    work: &mut Work,
+    (vertices, splits): &mut (Vec<Rgb>, Vec<Split>),
+) {
+    let facet = &field.mesh().facets[side.facet as usize];
+    let (frame, lattice) = (facet.frame(), Lattice::of(facet));
+    for vertex in lattice.vertices() {
+        field.collect(side, vertex, false, work);
+        let point = frame.at(lattice.parameters(vertex));
+        let light = if work.parts.is_empty() { [0.0; 3] } else { field.blend(point, &work.parts) };
+        vertices.push(light);
+        if !Walls::suspects(&work.parts) {
+            continue;
+        }
+        let all = work.parts.len();
+        for cell in lattice.cells_at(vertex) {
+            let mut seen = work.parts.clone();
+            walls.keep_seen(side, cell, point, &mut seen);
+            if seen.len() < all {
+                let corner = lattice.corners(cell).iter().position(|&v| v == vertex).unwrap_or(0) as u8;
+                let light = field.blend(point, &seen);
+                splits.push(Split { element: element_of(field.mesh(), side, cell), corner, light });
+            }
+        }
     }
 }

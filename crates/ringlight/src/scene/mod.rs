@@ -5,6 +5,7 @@
 //! second copy of the geometry is held.
 
 pub mod error;
+pub mod gltf;
 pub mod obj;
 mod read;
 pub mod texture;

@@ -140,3 +140,20 @@ fn an_image_larger_than_its_bytes_is_refused() {
     let error = TextureImage::decode(&image).expect_err("too large");
     assert_eq!(error.place.file, "x.png");
 }
+
+#[test]
+fn png_webp_and_jpeg_are_decoded() {
+    let plain = image::RgbImage::from_fn(16, 8, |x, _| image::Rgb(if x < 8 { [255, 0, 0] } else { [0, 0, 255] }));
+    for format in [image::ImageFormat::Png, image::ImageFormat::WebP, image::ImageFormat::Jpeg] {
+        let mut bytes = Vec::new();
+        plain.write_to(&mut Cursor::new(&mut bytes), format).expect("written");
+        let encoded = Image { name: "x".into(), media_type: String::new(), bytes: crate::resources::Bytes::new(bytes) };
+        let decoded = TextureImage::decode(&encoded).unwrap_or_else(|error| panic!("{format:?}: {error}"));
+        assert_eq!((decoded.width(), decoded.height(), decoded.has_alpha()), (16, 8, false));
+        // JPEG is lossy: a few steps of 255.
+        for (x, expected) in [(0, [255, 0, 0, 255]), (15, [0, 0, 255, 255])] {
+            let texel = &decoded.texels()[4 * x..4 * x + 4];
+            assert!(texel.iter().zip(expected).all(|(a, b): (&u8, u8)| a.abs_diff(b) < 8), "{format:?}: {texel:?}");
+        }
+    }
+}

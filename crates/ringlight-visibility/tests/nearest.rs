@@ -1,0 +1,79 @@
+//! Nearest hits of the hierarchy against brute force with the scalar predicate.
+
+mod common;
+
+use common::{Place, Random, filters, hierarchies, triangles};
+use proptest::prelude::*;
+use ringlight_visibility::{Hierarchy, NO_PLANE, OPAQUE, Ray, Triangle, reference};
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 120, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn nearest_hits_equal_brute_force(seed: u64, count in 0usize..400) {
+        let random = &mut Random(seed);
+        let place = Place::random(random);
+        let filters = filters(random);
+        let triangles = triangles(random, place, count, filters.len());
+        let hierarchies = hierarchies(&triangles, &filters);
+        for _ in 0..60 {
+            let lattice = random.below(3) == 0;
+            let origin = place.at(if lattice { random.lattice() } else { random.vector() });
+            let towards = if lattice { random.lattice() } else { random.vector() };
+            let direction = match random.below(3) {
+                0 => towards,
+                1 => towards.map(|c| c * place.scale),
+                _ => { let mut axis = [0.0; 3]; axis[random.below(3)] = random.signed(); axis }
+            };
+            let ray = Ray {
+                origin,
+                direction,
+                near: if random.below(2) == 0 { 0.0 } else { 0.3 },
+                far: if random.below(2) == 0 { f32::INFINITY } else { 1.0 },
+                plane: if random.below(2) == 0 { 1 } else { NO_PLANE },
+            };
+            let expected = reference::nearest_hit(&triangles, &filters, &ray);
+            for (set, hierarchy) in &hierarchies {
+                prop_assert_eq!(hierarchy.nearest_hit(&ray), expected, "seed {}, {:?}, {:?}", seed, set, ray);
+            }
+        }
+    }
+}
+
+fn triangle(corners: [[f32; 3]; 3], id: u32) -> Triangle {
+    Triangle { corners, plane: NO_PLANE, id, filter: OPAQUE }
+}
+
+#[test]
+fn equally_near_triangles_report_the_lowest_id() {
+    let corners = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+    let ray =
+        Ray { origin: [0.25, 0.25, 0.0], direction: [0.0, 0.0, 2.0], near: 0.0, far: f32::INFINITY, plane: NO_PLANE };
+    for ids in [[5, 3, 9], [3, 5, 9], [9, 5, 3]] {
+        let hierarchy = Hierarchy::build(ids.map(|id| triangle(corners, id)).to_vec(), Vec::new());
+        let hit = hierarchy.nearest_hit(&ray).expect("the ray meets all three");
+        assert_eq!((hit.triangle, hit.distance, hit.barycentric), (3, 0.5, [0.25, 0.25]));
+    }
+}
+
+#[test]
+fn the_side_from_which_corners_run_counter_clockwise_is_the_front() {
+    let ray = |z: f32, towards: f32| Ray {
+        origin: [0.2, 0.3, z],
+        direction: [0.0, 0.0, towards],
+        near: 0.0,
+        far: f32::INFINITY,
+        plane: NO_PLANE,
+    };
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    for turn in 0..3 {
+        let mut turned = corners;
+        turned.rotate_left(turn);
+        let hierarchy = Hierarchy::build(vec![triangle(turned, 0)], Vec::new());
+        assert!(hierarchy.nearest_hit(&ray(1.0, -1.0)).expect("a hit from above").front);
+        assert!(!hierarchy.nearest_hit(&ray(-1.0, 1.0)).expect("a hit from below").front);
+        turned.reverse();
+        let hierarchy = Hierarchy::build(vec![triangle(turned, 0)], Vec::new());
+        assert!(!hierarchy.nearest_hit(&ray(1.0, -1.0)).expect("a hit from above").front);
+    }
+}

@@ -1,0 +1,101 @@
+//! Small solved scenes for tests.
+
+use crate::mesh::{self, Colour, MeshOptions};
+use crate::quantity::MAX_REFLECTANCE;
+use crate::resources::{Bytes, Resources};
+use crate::scene::{self, ReadOptions, Scene};
+use crate::shooting::Shoot;
+use crate::solution::{Description, Solution};
+use crate::solve::{self, Control, Energy, SolveSettings, State, StopRule, World};
+use crate::transport::Alone;
+use std::io;
+
+/// Materials: `grey`, `white`, `mirror` (too bright), `black`, `lamp`, `glow` (Ke 1, Kd 0.5).
+const MATERIALS: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl white\nKd 0.8 0.8 0.8\nnewmtl mirror\nKd 1 1 1\n\
+    newmtl black\nKd 0 0 0\nnewmtl lamp\nKd 0 0 0\nKe 10 10 10\nnewmtl glow\nKd 0.5 0.5 0.5\nKe 1 1 1\n";
+
+struct Materials;
+
+impl Resources for Materials {
+    fn read(&self, _: &str) -> io::Result<Bytes> {
+        Ok(Bytes::new(MATERIALS.as_bytes()))
+    }
+}
+
+/// Reads OBJ text that uses the materials above.
+pub fn read(obj: &str) -> Scene {
+    let obj = format!("mtllib m.mtl\n{obj}");
+    scene::read("test.obj", Bytes::new(obj.into_bytes()), &Materials, &ReadOptions::default()).unwrap()
+}
+
+/// Solves a scene with elements of `element` metres and patches four times as large, as far as `until`.
+pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
+    let options =
+        MeshOptions { patch_size: Some(4.0 * element), element_size: Some(element), ..MeshOptions::default() };
+    let mut mesh = mesh::build(scene, &options).unwrap();
+    mesh.surface_colours = scene
+        .surfaces
+        .iter()
+        .map(|s| {
+            let material = &scene.materials[s.material as usize];
+            let [r, g, b, _] = material.base_colour;
+            Colour {
+                reflectance: [r, g, b].map(|x| x.min(MAX_REFLECTANCE)),
+                coverage: 1.0,
+                exitance: material.emission.map(|x| x * std::f32::consts::PI),
+            }
+        })
+        .collect();
+    mesh.occluder.coverage = vec![1.0; scene.surfaces.len()];
+    mesh.occluder.cutout = vec![None; scene.surfaces.len()];
+    let hierarchy = mesh::hierarchy(&mesh);
+    mesh::find_valid_samples(&mut mesh, &hierarchy);
+    let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None };
+    let world = World::new(&mesh, &hierarchy, &scene.lights, settings);
+    let mut state = State::new(&world);
+    let stop = StopRule { until, max_shots: None };
+    solve::plain(&world, &mut state, &stop, &mut Alone::default(), &mut |_, _| Control::Continue);
+    let images = scene.images.iter().map(|i| Some(i.bytes.clone())).collect();
+    let energy = Energy::default();
+    Solution { description: Description::new(scene), mesh, settings, state, energy, images }
+}
+
+/// Sets the irradiance of every element from the position of its middle (world, metres) and its normal.
+pub fn paint(solution: &mut Solution, light: impl Fn(glam::DVec3, glam::DVec3) -> f64) {
+    let Solution { mesh, state, .. } = solution;
+    for (cluster, light_of) in mesh.clusters.iter().zip(&mut state.clusters) {
+        for id in cluster.patches.clone() {
+            let patch = mesh.patch(id);
+            for k in 0..patch.element_count() {
+                let middle = mesh::Frame::middle(patch.frame.layout);
+                let at = mesh.to_world(patch.frame.at(patch.element_tile(k).at(middle)));
+                let element = &mut light_of.elements[(patch.first_element + k - cluster.elements.start) as usize];
+                *element = Default::default();
+                element.shot = [light(at, patch.normal) as f32; 3];
+            }
+        }
+    }
+}
+
+/// Each element with the positions of its corners (world), its normal and whether it is a triangle.
+pub fn elements(solution: &Solution) -> Vec<(u32, Vec<glam::DVec3>, glam::DVec3)> {
+    let mesh = &solution.mesh;
+    let mut all = Vec::new();
+    for id in 0..mesh.patch_count() as u32 {
+        let patch = mesh.patch(id);
+        for k in 0..patch.element_count() {
+            let (corners, n) = patch.frame.tile(patch.element_tile(k)).corners();
+            let corners = corners[..n].iter().map(|&c| mesh.to_world(c)).collect();
+            all.push((patch.first_element + k, corners, patch.normal));
+        }
+    }
+    all
+}
+
+/// A closed box from (0, 0, 0) to (1, 1, 1), its inside of one material.
+pub fn closed_box(material: &str) -> String {
+    format!(
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\no box\nusemtl {material}\n\
+         f 1 2 3 4\nf 5 8 7 6\nf 1 5 6 2\nf 4 3 7 8\nf 1 4 8 5\nf 2 6 7 3\n"
+    )
+}

@@ -1,0 +1,156 @@
+//! Which elements touch a point: a tree of boxes over facets.
+//!
+//! One question answers both shared corners and T-junctions, where a corner lies on the edge of a neighbour's element.
+
+use super::lattice::Lattice;
+use crate::form_factor::atan2;
+use crate::mesh::{Facet, Frame, Mesh};
+use glam::{DVec2, DVec3, Vec3};
+use rayon::prelude::*;
+use ringlight_visibility::Layout;
+
+/// Children of a node of the tree.
+const FAN: usize = 8;
+
+/// Boxes around runs of facets, which are in an order that keeps neighbours together; level by level, largest last.
+pub struct Places<'a> {
+    facets: &'a [Facet],
+    levels: Vec<Vec<[Vec3; 2]>>,
+}
+
+/// An element of a facet that touches a point.
+#[derive(Clone, Copy, Debug)]
+pub struct Touch {
+    /// Number of the facet.
+    pub facet: u32,
+    /// Cell of its lattice.
+    pub cell: u32,
+    /// The angle that the cell spans at the point, radians.
+    pub angle: f64,
+}
+
+impl<'a> Places<'a> {
+    /// Of a mesh.
+    pub fn new(mesh: &'a Mesh) -> Places<'a> {
+        let join = |boxes: &[[Vec3; 2]]| {
+            boxes.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
+        };
+        let mut levels: Vec<Vec<[Vec3; 2]>> =
+            vec![mesh.facets.par_chunks(FAN).map(|run| join(&run.iter().map(bounds).collect::<Vec<_>>())).collect()];
+        while let Some(last) = levels.last().filter(|l| l.len() > 1) {
+            let next = last.chunks(FAN).map(join).collect();
+            levels.push(next);
+        }
+        Places { facets: &mesh.facets, levels }
+    }
+
+    /// Collects the elements (of the facets' grids, whichever side) on whose facets' borders `point` lies, within
+    /// `tolerance` metres, in the order of facets.
+    pub fn touching(&self, point: DVec3, tolerance: f64, found: &mut Vec<Touch>) {
+        found.clear();
+        if let Some(top) = self.levels.len().checked_sub(1) {
+            self.descend(top, 0, point, tolerance, found);
+        }
+    }
+
+    fn descend(&self, level: usize, node: usize, point: DVec3, tolerance: f64, found: &mut Vec<Touch>) {
+        if !contains(&self.levels[level][node], point, tolerance) {
+            return;
+        }
+        let children = node * FAN..(node + 1) * FAN;
+        if level > 0 {
+            for child in children.start..children.end.min(self.levels[level - 1].len()) {
+                self.descend(level - 1, child, point, tolerance, found);
+            }
+            return;
+        }
+        for f in children.start..children.end.min(self.facets.len()) {
+            let facet = &self.facets[f];
+            if contains(&bounds(facet), point, tolerance) {
+                touch(f as u32, facet, point, tolerance, found);
+            }
+        }
+    }
+}
+
+fn bounds(facet: &Facet) -> [Vec3; 2] {
+    facet.corners.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |a, &c| [a[0].min(c), a[1].max(c)])
+}
+
+fn contains([low, high]: &[Vec3; 2], point: DVec3, tolerance: f64) -> bool {
+    (low.as_dvec3() - tolerance).cmple(point).all() && (high.as_dvec3() + tolerance).cmpge(point).all()
+}
+
+/// Adds the cells of a facet that touch a point of its border.
+fn touch(number: u32, facet: &Facet, point: DVec3, tolerance: f64, found: &mut Vec<Touch>) {
+    let (frame, lattice) = (facet.frame(), Lattice::of(facet));
+    let size = DVec2::new(lattice.size[0].into(), lattice.size[1].into());
+    let at = frame.parameters(point);
+    let nearest = clamp(lattice.layout, at);
+    if (frame.at(nearest) - point).length_squared() > tolerance * tolerance {
+        return;
+    }
+    // The tolerance in cells.
+    let lengths = DVec2::new(frame.edge_u.length(), frame.edge_v.length());
+    let slack = (2.0 * tolerance / lengths * size).min(DVec2::splat(0.02));
+    let at = nearest * size;
+    let border = at.cmple(slack).any()
+        || match lattice.layout {
+            Layout::Quad => at.cmpge(size - slack).any(),
+            Layout::Triangle => at.x + at.y >= size.x - slack.x.max(slack.y),
+        };
+    if !border {
+        return;
+    }
+    let columns = range(at.x, slack.x);
+    for row in range(at.y, slack.y) {
+        for column in columns.clone() {
+            let within = at - DVec2::new(column as f64, row as f64);
+            match lattice.layout {
+                Layout::Quad => add(number, &frame, &lattice, (column, row, false), within, slack, found),
+                Layout::Triangle => {
+                    let reach = slack.x.max(slack.y);
+                    if within.x + within.y <= 1.0 + reach {
+                        add(number, &frame, &lattice, (column, row, false), within, slack, found);
+                    }
+                    if within.x + within.y >= 1.0 - reach {
+                        add(number, &frame, &lattice, (column, row, true), DVec2::ONE - within, slack, found);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Columns (or rows) whose closed range holds `x`.
+fn range(x: f64, slack: f64) -> std::ops::RangeInclusive<i64> {
+    (x - slack).floor() as i64..=(x + slack).floor() as i64
+}
+
+fn clamp(layout: Layout, at: DVec2) -> DVec2 {
+    let at = at.clamp(DVec2::ZERO, DVec2::ONE);
+    let beyond = at.x + at.y - 1.0;
+    if layout == Layout::Triangle && beyond > 0.0 { (at - beyond / 2.0).clamp(DVec2::ZERO, DVec2::ONE) } else { at }
+}
+
+fn add(
+    facet: u32,
+    frame: &Frame,
+    lattice: &Lattice,
+    (column, row, inverted): (i64, i64, bool),
+    within: DVec2,
+    slack: DVec2,
+    found: &mut Vec<Touch>,
+) {
+    let Some(cell) = lattice.cell(column, row, inverted) else { return };
+    let parameters = Frame::corner_parameters(lattice.layout);
+    let corner = parameters.iter().position(|&p| (within - p).abs().cmple(slack).all());
+    // On an edge of the cell, it spans half a turn.
+    let angle = corner.map_or(std::f64::consts::PI, |k| {
+        let vertices = lattice.corners(cell).map(|v| frame.at(lattice.parameters(v)));
+        let n = parameters.len();
+        let (a, b) = (vertices[(k + 1) % n] - vertices[k], vertices[(k + n - 1) % n] - vertices[k]);
+        atan2(a.cross(b).length(), a.dot(b))
+    });
+    found.push(Touch { facet, cell, angle });
+}

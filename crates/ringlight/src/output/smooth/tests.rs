@@ -1,0 +1,156 @@
+use super::Smooth;
+use crate::output::fixture::{closed_box, elements, paint, read, solve};
+use glam::{DVec2, DVec3};
+use std::f64::consts::PI;
+
+/// Largest difference of the corners' light from what `light` says, over elements with corners that `wanted` accepts.
+fn worst(
+    solution: &crate::solution::Solution,
+    light: impl Fn(DVec3, DVec3) -> f64,
+    wanted: impl Fn(&[DVec3], DVec3) -> bool,
+) -> f64 {
+    let smooth = Smooth::new(solution);
+    let mut worst = 0.0f64;
+    for (element, corners, normal) in elements(solution).into_iter().filter(|(_, c, n)| wanted(c, *n)) {
+        for (corner, got) in corners.iter().zip(smooth.corners(element)) {
+            worst = worst.max((f64::from(got[0]) - light(*corner, normal)).abs());
+        }
+    }
+    worst
+}
+
+#[test]
+fn inside_a_glowing_furnace_light_is_even_up_to_the_corners() {
+    // Ke = 1, ρ = 0.5: E = π/(1 − 0.5) everywhere inside.
+    let solution = solve(&read(&closed_box("glow")), 0.25, 1e-3);
+    // Near shooters the point values of 16 cells are good to about 2 %.
+    let inward = |c: &[DVec3], n: DVec3| (DVec3::splat(0.5) - c[0]).dot(n) > 0.0;
+    let error = worst(&solution, |_, _| 2.0 * PI, inward);
+    assert!(error < 0.05 * 2.0 * PI, "{error}");
+    let smooth = Smooth::new(&solution);
+    let outside = elements(&solution).into_iter().filter(|(_, c, n)| !inward(c, *n));
+    for (element, ..) in outside {
+        assert_eq!(smooth.corners(element), [[0.0; 3]; 4]);
+    }
+}
+
+#[test]
+fn the_sides_of_a_sheet_and_the_faces_of_a_box_keep_their_own_light() {
+    let mut solution = solve(&read(&closed_box("grey")), 0.25, 1.0);
+    let light = |_: DVec3, n: DVec3| 10.0 + n.x + 2.0 * n.y + 4.0 * n.z;
+    paint(&mut solution, light);
+    assert!(worst(&solution, light, |_, _| true) < 1e-5);
+}
+
+#[test]
+fn linear_light_runs_to_the_border_and_over_unequal_grids_without_a_seam() {
+    // One large quad beside three of a third of its height, and two triangles: corners lie on the edges of neighbours.
+    let obj = "v 0 0 0\nv 1 0 0\nv 1 3 0\nv 0 3 0\nv 1 1 0\nv 1 2 0\nv 2 0 0\nv 2 1 0\nv 2 2 0\nv 2 3 0\nv 4 0 0\n\
+               usemtl grey\nf 1 2 3 4\nf 2 7 8 5\nf 5 8 9 6\nf 6 9 10 3\nf 7 11 10\n";
+    for element in [0.3, 0.7] {
+        let mut solution = solve(&read(obj), element, 1.0);
+        let light = |p: DVec3, _: DVec3| 5.0 + p.x + 0.5 * p.y;
+        paint(&mut solution, light);
+        // Exact but for elements of facets cut once, whose gradient is not known.
+        let error = worst(&solution, light, |c, _| c.iter().all(|p| p.x < 2.0 - 1e-9));
+        assert!(error < if element < 0.5 { 1e-4 } else { 0.2 }, "element {element}: {error}");
+        let error = worst(&solution, light, |_, _| true);
+        assert!(error < 0.3, "element {element}: {error}");
+    }
+}
+
+#[test]
+fn no_jump_where_a_corner_lies_on_a_neighbours_edge() {
+    // Three rows beside four.
+    let obj = "v 0 0 0\nv 1 0 0\nv 1 1.2 0\nv 0 1.2 0\nv 1 0.0 0\nv 2 0 0\nv 2 0.9 0\nv 1 0.9 0\n\
+               usemtl grey\nf 1 2 3 4\nf 5 6 7 8\n";
+    let mut solution = solve(&read(obj), 0.31, 1.0);
+    let light = |p: DVec3, _: DVec3| 3.0 + (p.x - 1.0) * (p.x - 1.0) + 0.3 * p.y;
+    paint(&mut solution, light);
+    let smooth = Smooth::new(&solution);
+    let along = |left: bool, y: f64| {
+        let all = elements(&solution);
+        let x = if left { 0.999_999 } else { 1.000_001 };
+        let found = all.iter().find(|(_, c, n)| {
+            let (low, high) = c.iter().fold((c[0], c[0]), |a, &p| (a.0.min(p), a.1.max(p)));
+            n.z > 0.0 && low.x <= x && x <= high.x && low.y <= y && y <= high.y
+        });
+        let (element, c, _) = found.unwrap();
+        // The files' corners begin at the lower left or elsewhere: solve for the parameters.
+        let frame = crate::mesh::Frame::from_corners(c);
+        f64::from(smooth.at(*element, frame.parameters(DVec3::new(x, y, 0.0)))[0])
+    };
+    for i in 1..30 {
+        let y = 0.029 * f64::from(i);
+        let (left, right) = (along(true, y), along(false, y));
+        assert!((left - right).abs() < 0.01 * left, "at y = {y}: {left} and {right}");
+    }
+}
+
+#[test]
+fn light_does_not_cross_a_wall_that_stands_on_a_floor() {
+    let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 2 -1 -1\nv 2 5 -1\nv 2 5 2\nv 2 -1 2\n\
+               o floor\nusemtl grey\nf 1 2 3 4\no wall\nf 5 6 7 8\n";
+    let mut solution = solve(&read(obj), 0.5, 1.0);
+    let light = |p: DVec3, _: DVec3| if p.x < 2.0 { 10.0 } else { 1.0 };
+    paint(&mut solution, light);
+    let left = worst(&solution, |_, _| 10.0, |c, n| n.z > 0.5 && c.iter().all(|p| p.x < 2.1));
+    let right = worst(&solution, |_, _| 1.0, |c, n| n.z > 0.5 && c.iter().all(|p| p.x > 1.9));
+    assert!(left < 1e-5 && right < 1e-5, "{left} {right}");
+    // Without the wall the same light is smoothed.
+    solution.mesh.occluder.coverage = vec![0.0; 2];
+    let left = worst(&solution, |_, _| 10.0, |c, n| n.z > 0.5 && c.iter().all(|p| p.x < 2.1));
+    assert!(left > 4.0, "{left}");
+}
+
+#[test]
+fn elements_under_a_block_take_the_light_around_it() {
+    let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\n\
+               v 1 1 -0.1\nv 3 1 -0.1\nv 3 3 -0.1\nv 1 3 -0.1\nv 1 1 1\nv 3 1 1\nv 3 3 1\nv 1 3 1\n\
+               usemtl grey\no floor\nf 1 2 3 4\no block\nf 5 8 7 6\nf 9 10 11 12\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\n\
+               f 8 5 9 12\n";
+    let mut solution = solve(&read(obj), 0.4, 1.0);
+    for (element, corners, normal) in elements(&solution) {
+        let inside = corners.iter().all(|p| (1.0..=3.0).contains(&p.x) && (1.0..=3.0).contains(&p.y));
+        let floor = normal.z > 0.5 && corners[0].z == 0.0;
+        solution.mesh.valid[element as usize] = if inside && floor { 0 } else { crate::mesh::ALL_VALID };
+    }
+    paint(&mut solution, |p, _| if (p - DVec3::new(2.0, 2.0, 0.0)).abs().max_element() < 1.0 { 0.0 } else { 7.0 });
+    let error = worst(&solution, |_, _| 7.0, |c, n| n.z > 0.5 && c[0].z == 0.0);
+    assert!(error < 1e-5, "{error}");
+}
+
+#[test]
+fn round_things_are_smooth_and_sharp_ones_are_not() {
+    // An arch of flat strips, turning by 20° and then by 60°.
+    let mut obj = String::new();
+    let mut p = DVec2::ZERO;
+    for (i, turn) in [0.0f64, 20.0, 40.0, 100.0].into_iter().enumerate() {
+        let next = p + DVec2::from_angle(turn.to_radians());
+        obj += &format!(
+            "v {} 0 {}\nv {} 0 {}\nv {} 1 {}\nv {} 1 {}\n",
+            p.x, p.y, next.x, next.y, next.x, next.y, p.x, p.y
+        );
+        obj += &format!("usemtl grey\nf {} {} {} {}\n", 4 * i + 1, 4 * i + 2, 4 * i + 3, 4 * i + 4);
+        p = next;
+    }
+    let mut solution = solve(&read(&obj), 5.0, 1.0);
+    let light = |_: DVec3, n: DVec3| 10.0 + 5.0 * n.z;
+    paint(&mut solution, light);
+    let smooth = Smooth::new(&solution);
+    let mut ends = Vec::new();
+    for (element, corners, normal) in
+        elements(&solution).into_iter().filter(|(.., n)| n.dot(DVec3::new(-1., 0., 2.)) > 0.)
+    {
+        for (corner, light) in corners.iter().zip(smooth.corners(element)).filter(|(c, _)| c.y == 0.0) {
+            ends.push((corner.x, normal.z, light[0]));
+        }
+    }
+    ends.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.total_cmp(&b.0)));
+    // From the steepest: two ends of the strip beyond the crease, then of 40°, 20° and 0°.
+    let light: Vec<f32> = ends.iter().map(|e| e.2).collect();
+    assert_eq!(light.len(), 8, "{ends:?}");
+    assert!((light[0] - light[1]).abs() < 1e-4, "beyond the crease it is even: {ends:?}");
+    assert!((light[2] - light[5]).abs() < 1e-5, "{ends:?}");
+    assert!((light[4] - light[7]).abs() < 1e-5, "{ends:?}");
+}

@@ -1,0 +1,98 @@
+//! Walls that stand on a surface: light on one side of them says nothing about the other.
+
+use super::field::{Part, Side, element_of};
+use super::lattice::Lattice;
+use crate::mesh::{self, Mesh};
+use crate::quantity::{Rgb, photometric};
+use glam::DVec3;
+use ringlight_visibility::{Hierarchy, Ray};
+
+/// Elements whose light differs by less than this ratio are averaged without looking for a wall between them.
+const CONTRAST: f32 = 1.5;
+
+/// How far from a corner towards the middle of its element the corner is judged.
+const INSET: f64 = 0.25;
+
+/// How high above the surface walls are looked for, relative to the distance of the element's middle from its corner.
+const LIFT: f64 = 0.05;
+
+/// Finds walls by rays just above the surface.
+pub struct Walls<'a> {
+    mesh: &'a Mesh,
+    hierarchy: Hierarchy,
+}
+
+impl<'a> Walls<'a> {
+    /// All occluders of a mesh.
+    pub fn new(mesh: &'a Mesh) -> Walls<'a> {
+        Walls { mesh, hierarchy: mesh::hierarchy(mesh) }
+    }
+
+    /// Whether the parts' light differs so much that something may stand between them.
+    pub fn suspects(parts: &[Part]) -> bool {
+        let (mut least, mut most) = (f32::INFINITY, 0.0f32);
+        for part in parts {
+            let light = photometric(part.light);
+            (least, most) = (least.min(light), most.max(light));
+        }
+        most > CONTRAST * least
+    }
+
+    /// Keeps the parts that the corner at `point` of cell `cell` of `side` sees; all if it sees none. Parts in other
+    /// planes always stay: over a bend, a straight line tells nothing.
+    pub fn keep_seen(&self, side: Side, cell: u32, point: DVec3, parts: &mut Vec<Part>) {
+        let facet = &self.mesh.facets[side.facet as usize];
+        let normal = self.normal(side);
+        let frame = facet.frame();
+        let inward = frame.at(Lattice::of(facet).middle(cell)) - point;
+        let lift = LIFT * inward.length() * normal;
+        let from = point + INSET * inward + lift;
+        let seen = |part: &Part| {
+            self.mesh.facets[part.side.facet as usize].plane != facet.plane
+                || self.sample_point(part).is_some_and(|to| self.free(from, to + lift, facet.plane))
+        };
+        if parts.iter().any(seen) {
+            parts.retain(seen);
+        }
+    }
+
+    fn normal(&self, side: Side) -> DVec3 {
+        let normal = self.mesh.facets[side.facet as usize].frame().area_vector().normalize();
+        if side.back { -normal } else { normal }
+    }
+
+    /// Where the light of a part was found; none if it was taken from neighbours.
+    fn sample_point(&self, part: &Part) -> Option<DVec3> {
+        let facet = &self.mesh.facets[part.side.facet as usize];
+        let element = element_of(self.mesh, part.side, part.cell);
+        let (first_patch, first_element) = if part.side.back {
+            (facet.first_back_patch, facet.first_back_element)
+        } else {
+            (facet.first_patch, facet.first_element)
+        };
+        let patch = self.mesh.patch(first_patch + (element - first_element) / facet.elements_per_patch());
+        patch.sample_point(element - patch.first_element, self.mesh.valid[element as usize])
+    }
+
+    fn free(&self, from: DVec3, to: DVec3, plane: u32) -> bool {
+        let ray = Ray {
+            origin: from.as_vec3().to_array(),
+            direction: (to - from).as_vec3().to_array(),
+            near: 0.0,
+            far: 1.0,
+            plane,
+        };
+        self.hierarchy.nearest_hit(&ray).is_none()
+    }
+}
+
+/// The light of a corner that differs from that of the vertex it shares.
+#[derive(Clone, Copy, Debug)]
+pub struct Split {
+    /// Element.
+    pub element: u32,
+    /// Number of its corner.
+    pub corner: u8,
+    /// Light there.
+    pub light: Rgb,
+}
