@@ -2,7 +2,7 @@
 
 use super::emitter::sine_cosine;
 use super::shot::{Shot, Source};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, RELATIVE_TOLERANCE};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Ray};
 
@@ -82,8 +82,10 @@ fn start(
             }
             let edge = |e: [f32; 3]| DVec3::from(e.map(f64::from));
             let origin = edge(grid.origin) + u * edge(grid.edge_u) + v * edge(grid.edge_v) + u * v * edge(grid.twist);
-            // Cosine distribution (Malley's method).
+            // Just above the surface, lest rounding lets a flat ray pass under a neighbour's edge.
             let n = source.normal;
+            let origin = origin + RELATIVE_TOLERANCE * mesh.diagonal * n;
+            // Cosine distribution (Malley's method).
             Some((origin, disc(n, a.sqrt()) + (1.0 - a).sqrt() * n))
         }
         (Source::Point { position, cone: None, .. }, _) => {

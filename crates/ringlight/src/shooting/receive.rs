@@ -320,7 +320,8 @@ impl Work {
 impl CellTable {
     fn new(shot: &Shot, source: &PatchSource) -> CellTable {
         let mut table = CellTable {
-            x: [0.0; 64],
+            // Lanes without a cell lie so far away that they add 0, also for a point at the origin.
+            x: [1e15; 64],
             y: [0.0; 64],
             z: [0.0; 64],
             density: [0.0; 64],
