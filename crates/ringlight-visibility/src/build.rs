@@ -8,8 +8,11 @@ use crate::{Triangle, predicate};
 /// Children of a node: as many as the widest register has lanes.
 pub(crate) const WIDTH: usize = 16;
 
-/// Most triangles in a leaf.
+/// Most triangles in a leaf where the heuristic may choose.
 const LEAF: usize = 4;
+
+/// Most triangles in a leaf where the alternative is a node with hardly any children.
+const LARGE_LEAF: usize = 8;
 
 const BINS: usize = 16;
 
@@ -157,19 +160,20 @@ fn around(t: &Triangle) -> Bounds {
     bounds
 }
 
-/// Splits the largest part until there are WIDTH of them, then grows each, in parallel.
+/// Splits the costliest part until there are WIDTH of them, then grows each, in parallel.
 fn grow(part: Part) -> Tree {
     let bounds = part.bounds;
     let mut parts = vec![part];
     while parts.len() < WIDTH {
-        let area = |p: &Part| if p.whole { -1.0 } else { p.bounds.half_area() };
-        let Some(widest) = (0..parts.len()).reduce(|a, b| if area(&parts[b]) > area(&parts[a]) { b } else { a }) else {
+        let cost = |p: &Part| if p.whole { -1.0 } else { p.bounds.half_area() * p.items.len() as f32 };
+        let Some(costliest) = (0..parts.len()).reduce(|a, b| if cost(&parts[b]) > cost(&parts[a]) { b } else { a })
+        else {
             break;
         };
-        if parts[widest].whole {
+        if parts[costliest].whole {
             break;
         }
-        let part = parts.swap_remove(widest);
+        let part = parts.swap_remove(costliest);
         match split(part) {
             Ok((left, right)) => parts.extend([left, right]),
             Err(leaf) => parts.push(leaf),
@@ -195,7 +199,11 @@ fn grow_all(mut parts: Vec<Part>) -> Vec<Tree> {
 }
 
 fn grow_one(part: Part) -> Tree {
-    if part.whole { Tree::Leaf(part.bounds, part.first, part.items.len()) } else { grow(part) }
+    if part.whole || part.items.len() <= LARGE_LEAF {
+        Tree::Leaf(part.bounds, part.first, part.items.len())
+    } else {
+        grow(part)
+    }
 }
 
 /// The cheapest of the splits between bins of centres; `Err` gives the part back as a leaf where none is cheaper.

@@ -156,3 +156,9 @@ pub(crate) fn dot_lanes<S: Machine>(a: LaneVector<S>, b: LaneVector<S>) -> Lanes
 pub(crate) fn any<S: Machine>(simd: S, mask: S::m32s) -> bool {
     simd.bits(mask) != 0
 }
+
+/// The lanes in which a bit is set.
+#[inline(always)]
+pub(crate) fn nonzero<S: Machine>(simd: S, word: S::u32s) -> S::m32s {
+    simd.not_m32s(simd.equal_u32s(word, simd.splat_u32s(0)))
+}

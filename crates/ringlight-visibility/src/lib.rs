@@ -16,6 +16,7 @@ mod kernel;
 mod lanes;
 mod mask;
 mod nearest;
+mod packet;
 mod plan;
 mod predicate;
 pub mod reference;

@@ -2,7 +2,7 @@
 
 use crate::build::{STACK, Target};
 use crate::instruction_set::{Machine, Task};
-use crate::kernel::{Candidate, PACKET, Packet};
+use crate::packet::{Candidate, PACKET, Packet};
 use crate::plan::Plan;
 use crate::predicate::Prepared;
 use crate::shaft::Shaft;

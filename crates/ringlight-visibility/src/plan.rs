@@ -158,9 +158,9 @@ impl Plan {
         match self.kind {
             Kind::Directions => {
                 let rise = 1f32.copysign(height) * dot(t.normal, self.cells[k]);
-                rise < t.grazing * self.reach(x)
+                rise < t.grazing() * self.reach(x)
             }
-            _ => height.abs() < t.grazing * ((norm(sub(t.corners[0], x)) + t.longest) + self.reach(x)),
+            _ => height.abs() < t.grazing() * ((norm(sub(t.corners[0], x)) + t.longest) + self.reach(x)),
         }
     }
 

@@ -77,8 +77,6 @@ pub(crate) struct Prepared {
     pub normal: Vector,
     /// Bound on the length of the longest edge, metres.
     pub longest: f32,
-    /// GRAZING · longest².
-    pub grazing: f32,
     /// ROUNDING · longest.
     pub rounding: f32,
 }
@@ -91,16 +89,8 @@ impl Prepared {
         let order = usize::from(before(a, b)) | usize::from(before(b, c)) << 1 | usize::from(before(a, c)) << 2;
         let [a, b, c] = ORDERS[order].map(|i| triangle.corners[i as usize]);
         let edges = [sub(b, a), sub(c, b), sub(c, a)];
-        let squared = greatest([dot(edges[0], edges[0]), dot(edges[1], edges[1]), dot(edges[2], edges[2])]);
         let longest = greatest([norm(edges[0]), norm(edges[1]), norm(edges[2])]);
-        Prepared {
-            corners: [a, b, c],
-            edges,
-            normal: cross(edges[0], edges[2]),
-            longest,
-            grazing: GRAZING * squared,
-            rounding: ROUNDING * longest,
-        }
+        Prepared { corners: [a, b, c], edges, normal: cross(edges[0], edges[2]), longest, rounding: ROUNDING * longest }
     }
 
     /// The edge planes' normals seen from `x`, and T.
@@ -109,6 +99,13 @@ impl Prepared {
         let (to_first, to_second) = (sub(self.corners[0], x), sub(self.corners[1], x));
         let normals = [cross(to_first, self.edges[0]), cross(to_second, self.edges[1]), cross(self.edges[2], to_first)];
         (normals, dot(self.normal, to_first))
+    }
+
+    /// GRAZING · longest².
+    #[inline(always)]
+    pub fn grazing(&self) -> f32 {
+        let [a, b, c] = self.edges;
+        GRAZING * greatest([dot(a, a), dot(b, b), dot(c, c)])
     }
 
     /// What rounding may take from an edge function, see [`ROUNDING`]; `reach` bounds the way to the cells.
@@ -182,8 +179,8 @@ fn is_inside(inside: [f32; 3], nearly: [f32; 3], allowance: f32) -> bool {
 /// shooter from `x`, before filters and plane ids are asked.
 pub(crate) fn hit(plan: &Plan, t: &Prepared, x: Vector, k: usize) -> Option<[f32; 3]> {
     let (normals, height) = t.planes(x);
-    // Also false for NaN, which only coordinates beyond 1e9 can bring about.
-    if !(height.abs() > 0.0) {
+    // Only coordinates beyond 1e9 can bring about NaN.
+    if height == 0.0 || height.is_nan() {
         return None;
     }
     let sign = 1f32.copysign(height);
@@ -217,7 +214,7 @@ pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray
     let (normals, height) = t.planes(ray.origin);
     let sign = 1f32.copysign(height);
     let rise = sign * dot(t.normal, ray.direction);
-    if !(height.abs() > 0.0 && rise > 0.0) {
+    if height == 0.0 || height.is_nan() || rise <= 0.0 {
         return None;
     }
     let allowance = t.allowance(ray.origin, norm(ray.direction));
@@ -226,7 +223,7 @@ pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray
         return None;
     }
     let mut way = height.abs() / rise;
-    if rise < t.grazing * norm(ray.direction) {
+    if rise < t.grazing() * norm(ray.direction) {
         let margin = BOX_MARGIN * distance(t, ray.origin);
         let (enter, leave) = t.pass_box(ray.origin, ray.direction, margin, f32::INFINITY)?;
         way = way.max(enter).min(leave);

@@ -1,7 +1,7 @@
 //! The two primitives by brute force: every triangle, every cell, the scalar predicate. Slow, and by definition right;
 //! [`crate::Hierarchy`] must give the same bits.
 
-use crate::kernel::Candidate;
+use crate::packet::Candidate;
 use crate::plan::Plan;
 use crate::predicate::{Prepared, is_nearer, is_sliver, ray_hit};
 use crate::{Filter, Hit, NO_PLANE, OPAQUE, Points, Ray, Shooter, Triangle};

@@ -5,8 +5,8 @@
 use crate::instruction_set::Machine;
 
 use crate::build::{Bounds, Node, WIDTH};
-use crate::kernel::{PACKET, Packet};
 use crate::lanes::{Lanes, any, splat};
+use crate::packet::{PACKET, Packet};
 use crate::plan::{Kind, Plan};
 use crate::predicate::{SHAFT_MARGIN, Vector, cross, dot, norm, sub};
 
@@ -164,8 +164,8 @@ impl Shaft {
 }
 
 fn extend(bounds: &mut (Vector, Vector), p: Vector) {
-    for i in 0..3 {
-        bounds.0[i] = bounds.0[i].min(p[i]);
-        bounds.1[i] = bounds.1[i].max(p[i]);
+    for (i, c) in p.into_iter().enumerate() {
+        bounds.0[i] = bounds.0[i].min(c);
+        bounds.1[i] = bounds.1[i].max(c);
     }
 }

@@ -10,7 +10,7 @@ fn every_instruction_set_gives_the_reference_masks(seed: u64, count: usize) -> R
     let random = &mut Random(seed);
     let place = Place::random(random);
     let filters = filters(random);
-    let triangles = triangles(random, place, count, if seed % 2 == 0 { filters.len() } else { 0 });
+    let triangles = triangles(random, place, count, if seed.is_multiple_of(2) { filters.len() } else { 0 });
     let hierarchies = hierarchies(&triangles, &filters);
     let mut cleared = 0;
     for _ in 0..4 {

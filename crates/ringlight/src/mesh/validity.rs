@@ -3,10 +3,11 @@
 //! A sample under a table's foot or inside a wall sees only backs, or surfaces that touch it. It receives no light, and
 //! its element takes its light from its free samples, so that contacts leave no black rims.
 
-use super::{ALL_VALID, Frame, Mesh, Patch};
+use super::plane::RELATIVE_TOLERANCE;
+use super::{ALL_VALID, Facet, Frame, Mesh, NONE, Patch};
 use glam::DVec3;
 use rayon::prelude::*;
-use ringlight_visibility::{Hierarchy, Layout, NO_PLANE, Ray};
+use ringlight_visibility::{Hierarchy, Layout, NO_PLANE, Ray, Triangle};
 
 /// Samples of a quadrilateral element from the middle outwards.
 const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
@@ -82,8 +83,18 @@ fn valid_samples(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, k: u32) -> u
 }
 
 /// Whether a point sees anything but backs and what touches it. Where a coplanar surface faces it (a box's bottom on the
-/// floor), it must see a lit surface; elsewhere it is enough to see nothing.
+/// floor), it must see a lit surface; elsewhere it is enough to see nothing. Where surfaces lie in each other, looking the
+/// same way, one of them has the light: twice the light would never die out.
 fn is_free(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, contact: f64) -> bool {
+    let this = &mesh.facets[patch.facet as usize];
+    let overlays = |other: u32| {
+        let facet = &mesh.facets[other as usize];
+        let same_way = facet.double_sided() || facet.frame().area_vector().dot(patch.normal) > 0.0;
+        same_way && precedence(mesh, other, facet) < precedence(mesh, patch.facet, this)
+    };
+    if meets_coplanar(mesh, hierarchy, patch, point, overlays) {
+        return false;
+    }
     let n = patch.normal;
     let (t, b) = n.any_orthonormal_pair();
     let mut escapes = false;
@@ -106,12 +117,30 @@ fn is_free(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, cont
             }
         }
     }
-    escapes && !is_faced(mesh, hierarchy, patch, point)
+    let faces = |other: u32| mesh.facets[other as usize].frame().area_vector().dot(patch.normal) < 0.0;
+    escapes && !meets_coplanar(mesh, hierarchy, patch, point, faces)
 }
 
-/// Whether another facet in the patch's plane, facing the other way, lies on the point.
-fn is_faced(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3) -> bool {
-    let step = 10.0 * super::plane::RELATIVE_TOLERANCE * mesh.diagonal;
+/// Which of two facets that lie in each other has the light: the smaller key. Lamps come before others, small facets before
+/// large ones.
+fn precedence(mesh: &Mesh, number: u32, facet: &Facet) -> (bool, u64, u32) {
+    let colour = match facet.colour {
+        NONE => mesh.surface_colours[facet.surface as usize],
+        first => mesh.colours[first as usize],
+    };
+    // Non-negative floats order like their bits.
+    (!colour.emits(), facet.frame().area_vector().length().to_bits(), number)
+}
+
+/// Whether another facet in the patch's plane that `accept` takes lies on the point.
+fn meets_coplanar(
+    mesh: &Mesh,
+    hierarchy: &Hierarchy,
+    patch: &Patch,
+    point: DVec3,
+    accept: impl Fn(u32) -> bool,
+) -> bool {
+    let step = 10.0 * RELATIVE_TOLERANCE * mesh.diagonal;
     let ray = Ray {
         origin: (point - step * patch.normal).as_vec3().to_array(),
         direction: (2.0 * step * patch.normal).as_vec3().to_array(),
@@ -119,9 +148,6 @@ fn is_faced(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3) -> 
         far: 1.0,
         plane: NO_PLANE,
     };
-    let faces = |id: u32| {
-        let facet = &mesh.facets[(id >> 1) as usize];
-        id >> 1 != patch.facet && facet.frame().area_vector().dot(patch.normal) < 0.0
-    };
-    hierarchy.nearest_hit_where(&ray, |t| t.plane == patch.plane && faces(t.id)).is_some()
+    let accept = |t: &Triangle| t.plane == patch.plane && t.id >> 1 != patch.facet && accept(t.id >> 1);
+    hierarchy.nearest_hit_where(&ray, accept).is_some()
 }

@@ -19,8 +19,8 @@ const BRIGHT_QUANTILE: f64 = 0.95;
 /// Share of the light on textured surfaces that is not to be clipped.
 const TEXTURE_QUANTILE: f64 = 0.8;
 
-/// Limits of the display value of what is bright: neither burnt out nor dull.
-const BRIGHT: [f64; 2] = [0.35, 1.0];
+/// Least display value of what is bright.
+const DULL: f64 = 0.35;
 
 /// Steps per doubling in which radiances are counted.
 const STEPS: f64 = 16.0;
@@ -34,20 +34,20 @@ impl Exposure {
         Exposure { scale: (1.0 / (1.2 * exp2(f64::from(ev)))) as f32 }
     }
 
-    /// From the light of a solution, so that the logarithmic mean of its radiance becomes middle grey, unless that would
-    /// burn out or dull what is bright (its 95 % quantile), or would clip the light on more than a fifth of the textured
-    /// surfaces: a lit model can hold no more than 1 there, and white texels would burn out. Emitters do not count.
-    /// Elements count by their area, but none by more than a square of the element size: a field outside, cut coarsely,
-    /// does not decide over the room inside. 1 if nothing is lit.
+    /// From the light of a solution, so that the logarithmic mean of its radiance becomes middle grey. Where that would
+    /// burn out what is bright (its 95 % quantile), or clip the light on more than a fifth of the textured surfaces (a
+    /// lit model can hold no more than 1 there, and white texels would burn out), it meets that half-way: a bright room
+    /// next door does not leave this one black. Emitters do not count. Elements count by their area, but none by more
+    /// than a square of the element size: a field outside, cut coarsely, does not decide over the room inside. 1 if
+    /// nothing is lit.
     pub fn automatic(solution: &Solution) -> Exposure {
         let (radiance, on_textures) = count(solution);
         let Some(mean) = radiance.mean() else { return Exposure { scale: 1.0 } };
         let bright = radiance.quantile(BRIGHT_QUANTILE).unwrap_or(mean);
-        let mut scale = (MIDDLE_GREY / mean).clamp(BRIGHT[0] / bright, BRIGHT[1] / bright);
-        if let Some(limit) = on_textures.quantile(TEXTURE_QUANTILE) {
-            scale = scale.min((1.0 / limit).max(BRIGHT[0] / bright));
-        }
-        Exposure { scale: scale as f32 }
+        let limit = on_textures.quantile(TEXTURE_QUANTILE).map_or(bright, |light| light.max(bright));
+        let (wanted, most) = (MIDDLE_GREY / mean, 1.0 / limit);
+        let scale = if wanted > most { (wanted * most).sqrt() } else { wanted };
+        Exposure { scale: scale.max(DULL / bright) as f32 }
     }
 }
 
@@ -160,10 +160,11 @@ mod tests {
         // Even light is its own bright part: 0.35 instead of 0.18. Bins are 1/16 of a doubling wide: 2.2 %.
         let scale = f64::from(Exposure::automatic(&solution).scale);
         assert!((scale * radiance(1e-3) / 0.35 - 1.0).abs() < 0.025);
-        // A fifth of the surface 3000 times brighter is white, no more.
+        // A third of the surface is 3000 times brighter: half-way between its white and the grey of the mean.
         paint(&mut solution, |p, _| if p.x < 0.3 { 3.0 } else { 1e-3 });
-        let scale = f64::from(Exposure::automatic(&solution).scale);
-        assert!((scale * radiance(3.0) - 1.0).abs() < 0.025);
+        let mean = radiance(3f64.powf(1.0 / 3.0) * 1e-3f64.powf(2.0 / 3.0));
+        let expected = (0.18 / mean / radiance(3.0)).sqrt();
+        assert!((f64::from(Exposure::automatic(&solution).scale) / expected - 1.0).abs() < 0.025);
         paint(&mut solution, |_, _| 0.0);
         assert_eq!(Exposure::automatic(&solution).scale, 1.0);
     }

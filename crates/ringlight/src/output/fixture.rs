@@ -1,7 +1,6 @@
 //! Small solved scenes for tests.
 
-use crate::mesh::{self, Colour, MeshOptions};
-use crate::quantity::MAX_REFLECTANCE;
+use crate::mesh::{self, MeshOptions};
 use crate::resources::{Bytes, Resources};
 use crate::scene::{self, ReadOptions, Scene};
 use crate::shooting::Shoot;
@@ -33,21 +32,6 @@ pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
     let options =
         MeshOptions { patch_size: Some(4.0 * element), element_size: Some(element), ..MeshOptions::default() };
     let mut mesh = mesh::build(scene, &options).unwrap();
-    mesh.surface_colours = scene
-        .surfaces
-        .iter()
-        .map(|s| {
-            let material = &scene.materials[s.material as usize];
-            let [r, g, b, _] = material.base_colour;
-            Colour {
-                reflectance: [r, g, b].map(|x| x.min(MAX_REFLECTANCE)),
-                coverage: 1.0,
-                exitance: material.emission.map(|x| x * std::f32::consts::PI),
-            }
-        })
-        .collect();
-    mesh.occluder.coverage = vec![1.0; scene.surfaces.len()];
-    mesh.occluder.cutout = vec![None; scene.surfaces.len()];
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None };

@@ -7,6 +7,7 @@ mod exposure;
 mod fixture;
 mod gltf;
 mod picture;
+pub mod report;
 #[cfg(test)]
 mod scenes;
 mod seen;

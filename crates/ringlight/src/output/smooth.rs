@@ -49,15 +49,12 @@ impl<'a> Smooth<'a> {
         let mesh = &solution.mesh;
         let mut field = Field::new(solution);
         fill::fill(&mut field);
-        let walls = Walls::new(mesh);
         let numbers: Vec<u32> = (0..mesh.facets.len() as u32).collect();
-        let parts: Vec<(Vec<Rgb>, Vec<Split>)> = numbers
+        let parts: Vec<(Vec<Rgb>, Vec<Suspect>)> = numbers
             .par_chunks(CHUNK)
             .map_init(Work::default, |work, chunk| {
                 let mut made = (Vec::new(), Vec::new());
-                for side in chunk.iter().flat_map(|&f| sides(mesh, f)) {
-                    smooth_side(&field, &walls, side, work, &mut made);
-                }
+                chunk.iter().for_each(|&f| smooth_facet(&field, f, work, &mut made));
                 made
             })
             .collect();
@@ -67,11 +64,12 @@ impl<'a> Smooth<'a> {
             first_vertex.push(next);
             next += Lattice::of(facet).vertex_count() as u64 * if facet.double_sided() { 2 } else { 1 };
         }
-        let (mut vertices, mut splits) = (Vec::with_capacity(next as usize), Vec::new());
+        let (mut vertices, mut suspects) = (Vec::with_capacity(next as usize), Vec::new());
         for (v, s) in parts {
             vertices.extend(v);
-            splits.extend(s);
+            suspects.extend(s);
         }
+        let mut splits = find_splits(&field, &suspects);
         splits.sort_unstable_by_key(|s| (s.element, s.corner));
         Smooth { solution, first_vertex, vertices, splits }
     }
@@ -80,8 +78,11 @@ impl<'a> Smooth<'a> {
     /// layout; a triangle repeats the last one. W/m² or lux.
     pub fn corners(&self, element: u32) -> [Rgb; 4] {
         let (side, cell) = self.locate(element);
-        let facet = &self.solution.mesh.facets[side.facet as usize];
-        let lattice = Lattice::of(facet);
+        self.cell_corners(element, side, cell)
+    }
+
+    fn cell_corners(&self, element: u32, side: Side, cell: u32) -> [Rgb; 4] {
+        let lattice = Lattice::of(&self.solution.mesh.facets[side.facet as usize]);
         let back = if side.back { lattice.vertex_count() } else { 0 };
         let first = self.first_vertex[side.facet as usize] as usize + back;
         let mut corners = lattice.corners(cell).map(|v| self.vertices[first + lattice.vertex_index(v)]);
@@ -96,9 +97,9 @@ impl<'a> Smooth<'a> {
 
     /// Irradiance at parameters `within` of an element: bilinear in quadrilaterals, linear in triangles. W/m² or lux.
     pub fn at(&self, element: u32, within: DVec2) -> Rgb {
-        let corners = self.corners(element);
+        let (side, cell) = self.locate(element);
+        let corners = self.cell_corners(element, side, cell);
         let (u, v) = (within.x.clamp(0.0, 1.0) as f32, within.y.clamp(0.0, 1.0) as f32);
-        let (side, _) = self.locate(element);
         let weights = match self.solution.mesh.facets[side.facet as usize].layout() {
             Layout::Quad => [(1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v],
             Layout::Triangle => [(1.0 - u - v).max(0.0), u, v, 0.0],
@@ -147,33 +148,54 @@ impl<'a> Smooth<'a> {
     }
 }
 
-/// Appends the vertices of one side, and the corners that walls cut off.
-fn smooth_side(
-    field: &Field<'_>,
-    walls: &Walls<'_>,
-    side: Side,
-    work: &mut Work,
-    (vertices, splits): &mut (Vec<Rgb>, Vec<Split>),
-) {
-    let facet = &field.mesh().facets[side.facet as usize];
+/// A vertex at which a wall may stand.
+type Suspect = (Side, [u32; 2]);
+
+/// Appends the vertices of one facet, front then back, and those at which a wall may stand.
+fn smooth_facet(field: &Field<'_>, number: u32, work: &mut Work, (vertices, suspects): &mut (Vec<Rgb>, Vec<Suspect>)) {
+    let facet = &field.mesh().facets[number as usize];
     let (frame, lattice) = (facet.frame(), Lattice::of(facet));
+    let mut of_back = Vec::new();
     for vertex in lattice.vertices() {
-        field.collect(side, vertex, false, work);
         let point = frame.at(lattice.parameters(vertex));
-        let light = if work.parts.is_empty() { [0.0; 3] } else { field.blend(point, &work.parts) };
-        vertices.push(light);
-        if !Walls::suspects(&work.parts) {
-            continue;
-        }
-        let all = work.parts.len();
-        for cell in lattice.cells_at(vertex) {
-            let mut seen = work.parts.clone();
-            walls.keep_seen(side, cell, point, &mut seen);
-            if seen.len() < all {
-                let corner = lattice.corners(cell).iter().position(|&v| v == vertex).unwrap_or(0) as u8;
-                let light = field.blend(point, &seen);
-                splits.push(Split { element: element_of(field.mesh(), side, cell), corner, light });
+        for side in sides(field.mesh(), number) {
+            field.collect(side, vertex, false, work);
+            let light = if work.parts.is_empty() { [0.0; 3] } else { field.blend(point, &work.parts) };
+            if side.back {
+                of_back.push(light)
+            } else {
+                vertices.push(light)
+            }
+            if Walls::suspects(field.mesh(), number, &work.parts) {
+                suspects.push((side, vertex));
             }
         }
     }
+    vertices.extend(of_back);
+}
+
+/// Finds the corners that see only some of the parts around their vertex.
+fn find_splits(field: &Field<'_>, suspects: &[Suspect]) -> Vec<Split> {
+    if suspects.is_empty() {
+        return Vec::new();
+    }
+    let mesh = field.mesh();
+    let walls = Walls::new(mesh);
+    let find = |work: &mut Work, &(side, vertex): &Suspect| {
+        field.collect(side, vertex, false, work);
+        let facet = &mesh.facets[side.facet as usize];
+        let lattice = Lattice::of(facet);
+        let point = facet.frame().at(lattice.parameters(vertex));
+        let mut splits = Vec::new();
+        for cell in lattice.cells_at(vertex) {
+            let mut seen = work.parts.clone();
+            walls.keep_seen(side, cell, point, &mut seen);
+            if seen.len() < work.parts.len() {
+                let corner = lattice.corners(cell).iter().position(|&v| v == vertex).unwrap_or(0) as u8;
+                splits.push(Split { element: element_of(mesh, side, cell), corner, light: field.blend(point, &seen) });
+            }
+        }
+        splits
+    };
+    suspects.par_iter().map_init(Work::default, find).flatten_iter().collect()
 }

@@ -11,7 +11,7 @@
 //! [`CLUSTERS_PER_SECTION`] clusters each. The file holds no times, ranks, paths or stop rule: equal solutions are equal
 //! bytes.
 
-use super::{Description, Solution};
+use super::{Description, Snapshot, Solution};
 use crate::mesh::{Cluster, Colour, Facet, Mesh, Occluder, Sizes};
 use crate::scene::Warnings;
 use crate::shooting::{ClusterLight, ElementLight, PatchLight};
@@ -92,6 +92,12 @@ struct FacetCoverage {
 /// Writes a solution.
 pub fn write(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
     let Solution { description, mesh, settings, state, energy, .. } = solution;
+    write_snapshot(&Snapshot { description, mesh, settings, state, energy }, out)
+}
+
+/// Writes a solution that is still being solved.
+pub fn write_snapshot(snapshot: &Snapshot<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let Snapshot { description, mesh, settings, state, energy } = *snapshot;
     let occluder = &mesh.occluder;
     let header = Header {
         description: description.clone(),

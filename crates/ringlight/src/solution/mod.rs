@@ -4,7 +4,7 @@ mod digest;
 mod file;
 
 pub use digest::digest;
-pub use file::{FileError, read, write};
+pub use file::{FileError, read, write, write_snapshot};
 
 use crate::mesh::{Mesh, Patch};
 use crate::quantity::Rgb;
@@ -61,6 +61,21 @@ pub struct Solution {
     pub energy: Energy,
     /// Encoded images where they are at hand, in the order of `description.images`.
     pub images: Vec<Option<Bytes>>,
+}
+
+/// What a solution file holds, borrowed: a running solver saves its light without copying it.
+#[derive(Clone, Copy, Debug)]
+pub struct Snapshot<'a> {
+    /// The scene without geometry.
+    pub description: &'a Description,
+    /// Patches and elements.
+    pub mesh: &'a Mesh,
+    /// Settings that decide the result.
+    pub settings: &'a SolveSettings,
+    /// The light.
+    pub state: &'a State,
+    /// The audit of `state`.
+    pub energy: &'a Energy,
 }
 
 impl Description {

@@ -276,6 +276,27 @@ fn textures_are_kept_and_identical_images_written_once() {
 }
 
 #[test]
+fn emission_textures_show_as_base_textures() {
+    let mut solution = textured_floor(Some(png(image::ImageFormat::Png)));
+    let material = &mut solution.description.materials[0];
+    (material.emission_texture, material.emission) = (material.base_texture.take(), [2.0; 3]);
+    solution.mesh.emission_uv = std::mem::take(&mut solution.mesh.base_uv);
+    for facet in &mut solution.mesh.facets {
+        (facet.base_uv, facet.emission_uv) = (u32::MAX, facet.base_uv);
+    }
+    // The texture's mean is a half.
+    solution.mesh.surface_colours[0].exitance = [std::f32::consts::PI; 3];
+    solution.mesh.surface_colours[0].reflectance = [0.0; 3];
+    let file = write(&solution, &options(0.25));
+    let primitive = file.primitives()[0];
+    assert!(file.colours(primitive).iter().all(|c| (c[0] - 0.5).abs() < 2e-5));
+    let material = &file.document["materials"][0];
+    assert_eq!(material["pbrMetallicRoughness"]["baseColorTexture"]["index"], 0);
+    assert_eq!((file.primitives().len(), material.get("alphaMode")), (1, None));
+    check_with_validator("floor with an emission texture", &file.bytes);
+}
+
+#[test]
 fn without_the_image_a_surface_has_its_mean_colour() {
     let file = write(&textured_floor(None), &options(1.0));
     assert_eq!(file.report.missing_images, 1);

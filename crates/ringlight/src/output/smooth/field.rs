@@ -51,7 +51,9 @@ pub struct Part {
 /// Buffers reused from vertex to vertex.
 #[derive(Default)]
 pub struct Work {
+    /// What touches `place`.
     touches: Vec<Touch>,
+    place: Option<(u32, [u32; 2])>,
     faces: Vec<(Side, DVec3, bool)>,
     /// The elements that count.
     pub parts: Vec<Part>,
@@ -129,7 +131,7 @@ impl<'a> Field<'a> {
     pub fn collect(&self, side: Side, vertex: [u32; 2], unknown: bool, work: &mut Work) {
         let facet = &self.mesh.facets[side.facet as usize];
         let lattice = Lattice::of(facet);
-        let Work { touches, faces, parts } = work;
+        let Work { touches, place, faces, parts } = work;
         parts.clear();
         let mut push = |side: Side, cell: u32, weight: f64| {
             let light = self.at(self.index(side, cell));
@@ -141,13 +143,19 @@ impl<'a> Field<'a> {
             let frame = facet.frame();
             let cell_size = (frame.area_vector().length() / f64::from(lattice.cell_count())).sqrt();
             let tolerance = self.tolerance.min(0.01 * cell_size);
-            self.places.touching(frame.at(lattice.parameters(vertex)), tolerance, touches);
+            // Both sides of a facet ask in turn.
+            if place.replace((side.facet, vertex)) != Some((side.facet, vertex)) {
+                self.places.touching(frame.at(lattice.parameters(vertex)), tolerance, touches);
+            }
             self.join_faces(side, touches, faces);
             if faces.iter().any(|f| f.0 == side) {
-                for &(side, ..) in faces.iter().filter(|f| f.2) {
-                    for touch in touches.iter().filter(|t| t.facet == side.facet) {
-                        push(side, touch.cell, touch.angle.max(1e-3));
+                let mut rest = faces.as_slice();
+                for run in touches.chunk_by(|a, b| a.facet == b.facet) {
+                    let count = rest.iter().take_while(|f| f.0.facet == run[0].facet).count();
+                    for &(side, ..) in rest[..count].iter().filter(|f| f.2) {
+                        run.iter().for_each(|touch| push(side, touch.cell, touch.angle.max(1e-3)));
                     }
+                    rest = &rest[count..];
                 }
                 return;
             }
@@ -221,6 +229,9 @@ impl<'a> Field<'a> {
     /// Change of light from cell to cell along u and v.
     fn gradient(&self, side: Side, cell: u32) -> [[f64; 3]; 2] {
         let lattice = Lattice::of(&self.mesh.facets[side.facet as usize]);
+        if lattice.size == [1, 1] {
+            return Default::default();
+        }
         // Triangles take it from the upright ones.
         let [column, row, _] = lattice.position(cell).map(i64::from);
         let light = |column: i64, row: i64| {

@@ -83,25 +83,13 @@ fn contains([low, high]: &[Vec3; 2], point: DVec3, tolerance: f64) -> bool {
 
 /// Adds the cells of a facet that touch a point of its border.
 fn touch(number: u32, facet: &Facet, point: DVec3, tolerance: f64, found: &mut Vec<Touch>) {
+    let Some(at) = on_border(facet, point, tolerance) else { return };
     let (frame, lattice) = (facet.frame(), Lattice::of(facet));
     let size = DVec2::new(lattice.size[0].into(), lattice.size[1].into());
-    let at = frame.parameters(point);
-    let nearest = clamp(lattice.layout, at);
-    if (frame.at(nearest) - point).length_squared() > tolerance * tolerance {
-        return;
-    }
     // The tolerance in cells.
     let lengths = DVec2::new(frame.edge_u.length(), frame.edge_v.length());
-    let slack = (2.0 * tolerance / lengths * size).min(DVec2::splat(0.02));
-    let at = nearest * size;
-    let border = at.cmple(slack).any()
-        || match lattice.layout {
-            Layout::Quad => at.cmpge(size - slack).any(),
-            Layout::Triangle => at.x + at.y >= size.x - slack.x.max(slack.y),
-        };
-    if !border {
-        return;
-    }
+    let slack = (2.0 * tolerance / lengths * size).clamp(DVec2::splat(1e-9), DVec2::splat(0.02));
+    let at = at * size;
     let columns = range(at.x, slack.x);
     for row in range(at.y, slack.y) {
         for column in columns.clone() {
@@ -122,15 +110,23 @@ fn touch(number: u32, facet: &Facet, point: DVec3, tolerance: f64, found: &mut V
     }
 }
 
+/// Parameters of a point of a facet's border, which is straight between corners; none if it does not lie on it.
+fn on_border(facet: &Facet, point: DVec3, tolerance: f64) -> Option<DVec2> {
+    let parameters = Frame::corner_parameters(facet.layout());
+    let n = parameters.len();
+    (0..n).find_map(|k| {
+        let next = (k + 1) % n;
+        let (from, to) = (facet.corners[k].as_dvec3(), facet.corners[next].as_dvec3());
+        let edge = to - from;
+        let t = ((point - from).dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
+        let near = (from + t * edge - point).length_squared() <= tolerance * tolerance;
+        near.then(|| parameters[k] + t * (parameters[next] - parameters[k]))
+    })
+}
+
 /// Columns (or rows) whose closed range holds `x`.
 fn range(x: f64, slack: f64) -> std::ops::RangeInclusive<i64> {
     (x - slack).floor() as i64..=(x + slack).floor() as i64
-}
-
-fn clamp(layout: Layout, at: DVec2) -> DVec2 {
-    let at = at.clamp(DVec2::ZERO, DVec2::ONE);
-    let beyond = at.x + at.y - 1.0;
-    if layout == Layout::Triangle && beyond > 0.0 { (at - beyond / 2.0).clamp(DVec2::ZERO, DVec2::ONE) } else { at }
 }
 
 fn add(

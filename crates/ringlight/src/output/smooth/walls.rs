@@ -28,10 +28,11 @@ impl<'a> Walls<'a> {
         Walls { mesh, hierarchy: mesh::hierarchy(mesh) }
     }
 
-    /// Whether the parts' light differs so much that something may stand between them.
-    pub fn suspects(parts: &[Part]) -> bool {
+    /// Whether the light of the parts in the plane of facet `facet` differs so much that something may stand between them.
+    pub fn suspects(mesh: &Mesh, facet: u32, parts: &[Part]) -> bool {
+        let plane = |facet: u32| mesh.facets[facet as usize].plane;
         let (mut least, mut most) = (f32::INFINITY, 0.0f32);
-        for part in parts {
+        for part in parts.iter().filter(|p| p.side.facet == facet || plane(p.side.facet) == plane(facet)) {
             let light = photometric(part.light);
             (least, most) = (least.min(light), most.max(light));
         }

@@ -1,0 +1,335 @@
+//! The command line: a contract that scripts rely on.
+
+use crate::outputs::Output;
+use crate::values::{self, CheckpointChoice, ExposureChoice, PictureSize};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Bakes light into 3D scenes: glTF or OBJ in; a lit model, pictures, lux values out.
+#[derive(Debug, Parser)]
+#[command(name = "ringlight", version, about, after_help = EXAMPLES)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  ringlight bake office.glb -o office-lit.glb -o office.png   bake a model and draw it
+  ringlight inspect office.glb                                what is in it, how long it will take
+  ringlight bake --help                                       every flag
+
+Exit codes: 0 converged or --max-shots reached, 1 error, 2 usage, 3 bad scene, 4 stopped by --time-limit with valid
+output, 130 interrupted and 143 terminated, both with valid output.";
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Solve a scene's light and write it
+    #[command(after_help = BAKE_EXAMPLES)]
+    Bake(Box<Bake>),
+    /// Go on from a solution or checkpoint, exactly where it stopped
+    #[command(after_help = RESUME_EXAMPLES)]
+    Resume(Box<Resume>),
+    /// Write any output of a solution again
+    #[command(after_help = EXPORT_EXAMPLES)]
+    Export(Export),
+    /// Draw a picture of a solution from any camera
+    #[command(after_help = RENDER_EXAMPLES)]
+    Render(Export),
+    /// Tell what is in a scene, what will be ignored, and how big the solve will be
+    #[command(after_help = INSPECT_EXAMPLES)]
+    Inspect(Inspect),
+    /// Print the completion script of a shell
+    #[command(after_help = COMPLETIONS_EXAMPLES)]
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+const BAKE_EXAMPLES: &str = "\
+Examples:
+  ringlight bake office.glb -o office-lit.glb
+  ringlight bake office.glb -o office.ringlight -o office.png --camera desk --report office.json
+  ringlight bake house.obj --unit cm --sky 3000 -o house.csv --quality draft
+  ringlight bake church.glb -o church.ringlight --checkpoint church-part.ringlight@30 --time-limit 3600";
+
+const RESUME_EXAMPLES: &str = "\
+Examples:
+  ringlight resume church-part.ringlight -o church.ringlight -o church-lit.glb --scene church.glb
+  ringlight resume office.ringlight --until 0.001 -o office-finer.ringlight";
+
+const EXPORT_EXAMPLES: &str = "\
+Examples:
+  ringlight export office.ringlight -o office.csv -o office.vtu
+  ringlight export office.ringlight -o office-lit.glb --scene office.glb --exposure 9";
+
+const RENDER_EXAMPLES: &str = "\
+Examples:
+  ringlight render office.ringlight -o desk.png --camera desk
+  ringlight render office.ringlight -o lux.png --false-colour lux --camera '3,1.6,4;0,1,0;60' --size 1920x1080";
+
+const INSPECT_EXAMPLES: &str = "\
+Examples:
+  ringlight inspect office.glb
+  ringlight inspect office.glb --quality high --json";
+
+const COMPLETIONS_EXAMPLES: &str = "\
+Examples:
+  ringlight completions bash > ~/.local/share/bash-completion/completions/ringlight";
+
+/// `bake`.
+#[derive(Debug, Args)]
+pub struct Bake {
+    /// Scene: .glb, .gltf or .obj
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub targets: Targets,
+    #[command(flatten)]
+    pub sizes: SizeArguments,
+    #[command(flatten)]
+    pub method: MethodArguments,
+    #[command(flatten)]
+    pub stop: StopArguments,
+    #[command(flatten)]
+    pub display: DisplayArguments,
+    #[command(flatten)]
+    pub running: RunArguments,
+}
+
+/// `resume`.
+#[derive(Debug, Args)]
+pub struct Resume {
+    /// Solution or checkpoint (.ringlight)
+    pub solution: PathBuf,
+    /// Scene to take textures from; without it they are looked for beside the solution
+    #[arg(long, value_name = "FILE")]
+    pub scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub targets: Targets,
+    #[command(flatten)]
+    pub stop: StopArguments,
+    #[command(flatten)]
+    pub display: DisplayArguments,
+    #[command(flatten)]
+    pub running: RunArguments,
+}
+
+/// `export` and `render`.
+#[derive(Debug, Args)]
+pub struct Export {
+    /// Solution (.ringlight)
+    pub solution: PathBuf,
+    /// Scene to take textures from; without it they are looked for beside the solution
+    #[arg(long, value_name = "FILE")]
+    pub scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub targets: Targets,
+    #[command(flatten)]
+    pub display: DisplayArguments,
+    /// Threads; all cores by default
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// `inspect`.
+#[derive(Debug, Args)]
+pub struct Inspect {
+    /// Scene: .glb, .gltf or .obj
+    pub scene: PathBuf,
+    #[command(flatten)]
+    pub sizes: SizeArguments,
+    #[command(flatten)]
+    pub method: MethodArguments,
+    /// Unshot share down to which to foretell
+    #[arg(long, value_name = "SHARE", default_value = "0.01", value_parser = values::share)]
+    pub until: f64,
+    /// Foretell with this speed instead of measuring for a second
+    #[arg(long, value_name = "R", value_parser = values::positive)]
+    pub rays_per_second: Option<f64>,
+    /// Threads; all cores by default
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// As JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Where results go.
+#[derive(Debug, Args)]
+pub struct Targets {
+    /// Output, by ending: .glb .gltf lit model, .ringlight solution, .csv .vtu elements, .png .exr picture; may be repeated
+    #[arg(short, long = "output", value_name = "OUT", required = true, value_parser = values::output)]
+    pub output: Vec<Output>,
+    /// Overwrite files that are there
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// How finely surfaces are cut, and the unit of their lengths.
+#[derive(Debug, Args)]
+pub struct SizeArguments {
+    /// Preset for sizes and cells
+    #[arg(long, value_enum, default_value = "normal")]
+    pub quality: QualityChoice,
+    /// Largest edge of a patch, metres; chosen from the scene by default
+    #[arg(long, value_name = "M", value_parser = values::positive)]
+    pub patch_size: Option<f64>,
+    /// Largest edge of an element, metres; chosen from the scene by default
+    #[arg(long, value_name = "M", value_parser = values::positive)]
+    pub element_size: Option<f64>,
+    /// Unit of an OBJ file's lengths; metres by default
+    #[arg(long, value_enum)]
+    pub unit: Option<UnitChoice>,
+}
+
+/// How light is solved.
+#[derive(Debug, Args)]
+pub struct MethodArguments {
+    /// Method: plain progressive refinement
+    #[arg(long, value_enum, default_value = "plain")]
+    pub solver: SolverChoice,
+    /// Cells of a shooter: 4 for draft, 16 for normal, 64 for high quality by default
+    #[arg(long, value_name = "1|4|16|64", value_parser = values::cells)]
+    pub cells: Option<u32>,
+    /// What a patch shoots: the light of its elements, or their average everywhere
+    #[arg(long, value_enum, default_value = "elements")]
+    pub shoot: ShootChoice,
+    /// Radiance of a uniform sky above the horizon, one number or R,G,B
+    #[arg(long, value_name = "RADIANCE", value_parser = values::radiance)]
+    pub sky: Option<[f32; 3]>,
+}
+
+/// When to stop.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct StopArguments {
+    /// Stop when this share of the emitted power is unshot
+    #[arg(long, value_name = "SHARE", default_value = "0.01", value_parser = values::share)]
+    pub until: f64,
+    /// Stop after this many shots in all, those before a resume included
+    #[arg(long, value_name = "N")]
+    pub max_shots: Option<u64>,
+    /// Stop this many seconds after the start of the command, and write what is there
+    #[arg(long, value_name = "S", value_parser = values::positive)]
+    pub time_limit: Option<f64>,
+}
+
+/// How results are shown.
+#[derive(Clone, Debug, Args)]
+pub struct DisplayArguments {
+    /// Show the light that is still unshot as ambient light; never in exported numbers
+    #[arg(long)]
+    pub ambient: bool,
+    /// Camera: a name in the scene, or position;target;vertical field of view in degrees
+    #[arg(long, value_name = "NAME|ex,ey,ez;tx,ty,tz;fov", value_parser = values::camera, allow_hyphen_values = true)]
+    pub camera: Option<String>,
+    /// Size of pictures, pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = values::size)]
+    pub size: PictureSize,
+    /// Exposure value at ISO 100, or auto
+    #[arg(long, value_name = "EV|auto", default_value = "auto", value_parser = values::exposure, allow_hyphen_values = true)]
+    pub exposure: ExposureChoice,
+    /// Tone mapping of PNG pictures
+    #[arg(long, value_enum, default_value = "filmic")]
+    pub tone: ToneChoice,
+    /// Draw a quantity in false colour, with a legend
+    #[arg(long, value_enum)]
+    pub false_colour: Option<FalseColourChoice>,
+}
+
+/// How the command runs.
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// Threads; all cores by default. The result does not depend on it
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// Write the solution to FILE as it goes, every SECONDS (60 by default) and at the end
+    #[arg(long, value_name = "FILE[@SECONDS]", value_parser = values::checkpoint)]
+    pub checkpoint: Option<CheckpointChoice>,
+    /// Write a report as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Progress on standard error; auto: a bar on terminals, else plain lines
+    #[arg(long, value_enum, default_value = "auto")]
+    pub progress: ProgressChoice,
+    /// Say more: sizes, stages and their times
+    #[arg(long, short)]
+    pub verbose: bool,
+    /// Say nothing but errors
+    #[arg(long, short, conflicts_with = "verbose")]
+    pub quiet: bool,
+}
+
+/// Presets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum QualityChoice {
+    /// About 6 thousand elements, 4 cells
+    Draft,
+    /// About 25 thousand elements, 16 cells
+    Normal,
+    /// About 100 thousand elements, 64 cells
+    High,
+}
+
+/// Units of length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum UnitChoice {
+    /// Millimetres
+    Mm,
+    /// Centimetres
+    Cm,
+    /// Metres
+    M,
+    /// Inches
+    In,
+}
+
+/// Methods.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SolverChoice {
+    /// Plain progressive refinement
+    Plain,
+}
+
+/// What a patch shoots.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ShootChoice {
+    /// Each cell the light of the elements under it
+    Elements,
+    /// The average everywhere
+    Average,
+}
+
+/// Tone mappings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ToneChoice {
+    /// Filmic
+    Filmic,
+    /// None: clipped at 1
+    None,
+}
+
+/// Quantities that false colour shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FalseColourChoice {
+    /// Illuminance
+    Lux,
+}
+
+/// Ways to show progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ProgressChoice {
+    /// A bar on terminals, else plain lines
+    Auto,
+    /// A line every few seconds
+    Plain,
+    /// One JSON object a line
+    Json,
+    /// Nothing
+    None,
+}

@@ -1,0 +1,83 @@
+//! `bake`: scene → solution → outputs.
+
+use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice};
+use crate::failure::{End, Failure};
+use crate::input;
+use crate::outputs::{self, Content, Others};
+use crate::progress::Stage;
+use crate::run::{self, Run};
+use ringlight::mesh::{self, Mesh};
+use ringlight::scene::{Place, Warnings};
+use ringlight::shooting::Shoot;
+use ringlight::solution::{Description, Solution};
+use ringlight::solve::{SolveSettings, State, World};
+
+/// Bakes.
+pub fn bake(arguments: &Bake) -> Result<End, Failure> {
+    let mut run = Run::begin(&arguments.running)?;
+    let path = arguments.scene.as_path();
+    outputs::check(&arguments.targets, &Others { scene: Some(path), ..run.others() })?;
+    let scene = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit))?;
+    run.warn(&scene.warnings);
+    outputs::check_camera(&arguments.display, &scene.cameras)?;
+    let options = input::mesh_options(&arguments.sizes);
+    let mut mesh = run.stage(Stage::Mesh, |_| mesh::build(&scene, &options)).map_err(|e| input::locate(e, path))?;
+    run.warn(&skipped(&mesh));
+    run.detail(&sizes(&mesh));
+    let settings = settings(&arguments.method, arguments.sizes.quality);
+    if !input::has_light(&scene, &mesh, settings.sky) {
+        return Err(input::no_light(path));
+    }
+    let description = Description::new(&scene);
+    let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
+    // The geometry is in the mesh now.
+    drop(scene);
+    let hierarchy = run.stage(Stage::Build, |_| {
+        let hierarchy = mesh::hierarchy(&mesh);
+        mesh::find_valid_samples(&mut mesh, &hierarchy);
+        hierarchy
+    });
+    let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
+    let state = State::new(&world);
+    let solved = run.solve(&description, &world, state, &arguments.stop);
+    drop(world);
+    let end = (solved.progress, solved.reason);
+    let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
+    let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
+    let mut reported = run::settings(&settings, &solution.mesh, &arguments.stop);
+    let quality = arguments.sizes.quality;
+    reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());
+    if let Some(unit) = arguments.sizes.unit {
+        reported.insert("unit".into(), format!("{unit:?}").to_lowercase().into());
+    }
+    run.end(&solution, end, reported.into(), outcome)
+}
+
+/// The settings that decide the result.
+pub fn settings(method: &MethodArguments, quality: QualityChoice) -> SolveSettings {
+    let shoot = match method.shoot {
+        ShootChoice::Elements => Shoot::Elements,
+        ShootChoice::Average => Shoot::Average,
+    };
+    SolveSettings { cells: method.cells.unwrap_or(input::default_cells(quality)), shoot, sky: method.sky }
+}
+
+/// What meshing left out, as warnings.
+pub fn skipped(mesh: &Mesh) -> Warnings {
+    let mut warnings = Warnings::default();
+    for (reason, count) in &mesh.skipped {
+        let message = match reason.as_str() {
+            "sliver" => "triangles with almost no area are left out".into(),
+            other => format!("triangles are left out: {other}"),
+        };
+        warnings.add_many(reason, message, Place::default(), *count);
+    }
+    warnings
+}
+
+/// Sizes and counts in words.
+pub fn sizes(mesh: &Mesh) -> String {
+    let (patches, elements) = (mesh.patch_count(), mesh.element_count());
+    let sizes = &mesh.sizes;
+    format!("{patches} patches up to {:.3} m, {elements} elements up to {:.3} m", sizes.patch, sizes.element)
+}

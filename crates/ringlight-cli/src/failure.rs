@@ -1,0 +1,74 @@
+//! How the command ends.
+
+use ringlight::scene::SceneError;
+use std::fmt;
+use std::process::ExitCode;
+
+/// Ends with valid output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// Converged, or `--max-shots` reached, or nothing was to be solved.
+    Done,
+    /// Stopped by the time limit.
+    StoppedEarly,
+    /// Stopped by SIGINT.
+    Interrupted,
+    /// Stopped by SIGTERM.
+    Terminated,
+}
+
+impl From<End> for ExitCode {
+    fn from(end: End) -> ExitCode {
+        ExitCode::from(match end {
+            End::Done => 0,
+            End::StoppedEarly => 4,
+            End::Interrupted => 130,
+            End::Terminated => 143,
+        })
+    }
+}
+
+/// Ends without all the output asked for.
+#[derive(Debug)]
+pub enum Failure {
+    /// The command line makes no sense with this scene.
+    Usage(String),
+    /// The scene cannot be used.
+    Scene(SceneError),
+    /// Anything else.
+    Other(anyhow::Error),
+}
+
+impl Failure {
+    /// The exit code.
+    pub fn code(&self) -> ExitCode {
+        ExitCode::from(match self {
+            Failure::Other(_) => 1,
+            Failure::Usage(_) => 2,
+            Failure::Scene(_) => 3,
+        })
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Failure::Usage(message) => f.write_str(message),
+            Failure::Scene(error) => error.fmt(f),
+            // The causes on one line, outermost first.
+            Failure::Other(error) => write!(f, "{error:#}"),
+        }
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Failure {
+        Failure::Scene(error)
+    }
+}
+
+impl From<anyhow::Error> for Failure {
+    fn from(error: anyhow::Error) -> Failure {
+        Failure::Other(error)
+    }
+}

@@ -1,0 +1,98 @@
+//! Reading scenes and solutions from files.
+
+use crate::arguments::{QualityChoice, SizeArguments, UnitChoice};
+use crate::failure::Failure;
+use crate::files::{self, FileResources};
+use anyhow::Context;
+use ringlight::mesh::{Mesh, MeshOptions, Quality};
+use ringlight::quantity::Rgb;
+use ringlight::resources::Resources;
+use ringlight::scene::{self, Image, Place, ReadOptions, Scene, SceneError};
+use ringlight::solution::{self, Solution};
+use std::path::Path;
+
+/// Reads a scene.
+pub fn scene(path: &Path, unit: Option<UnitChoice>) -> Result<Scene, Failure> {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    if unit.is_some() && !name.to_ascii_lowercase().ends_with(".obj") {
+        return Err(Failure::Usage(format!("{}: --unit is for OBJ; glTF lengths are metres", path.display())));
+    }
+    let unit_in_metres = match unit.unwrap_or(UnitChoice::M) {
+        UnitChoice::Mm => 0.001,
+        UnitChoice::Cm => 0.01,
+        UnitChoice::M => 1.0,
+        UnitChoice::In => 0.0254,
+    };
+    let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let resources = FileResources::beside(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    scene::read(&name, bytes, &resources, &ReadOptions { unit_in_metres }).map_err(|error| locate(error, path))
+}
+
+/// An error whose file can be found from where the user is: readers know files from the scene's folder only.
+pub fn locate(mut error: SceneError, scene: &Path) -> Failure {
+    let beside = scene.with_file_name(&error.place.file);
+    let found = if !error.place.file.is_empty() && beside.is_file() { &beside } else { scene };
+    error.place.file = found.display().to_string();
+    Failure::Scene(error)
+}
+
+/// Whether anything shines.
+pub fn has_light(scene: &Scene, mesh: &Mesh, sky: Option<Rgb>) -> bool {
+    let shines = |rgb: &Rgb| rgb.iter().any(|&x| x > 0.0);
+    sky.is_some()
+        || scene.lights.iter().any(|light| shines(&light.intensity))
+        || mesh.colours.iter().any(|colour| colour.emits())
+        || mesh.facets.iter().any(|facet| mesh.surface_colours[facet.surface as usize].emits())
+}
+
+/// The error of a scene in which nothing shines.
+pub fn no_light(scene: &Path) -> Failure {
+    Failure::Scene(SceneError::new(
+        Place::new(scene.display().to_string(), ""),
+        "no light: no surface emits, and there is no lamp",
+        "a material with emissiveFactor (and KHR_materials_emissive_strength) or a light of KHR_lights_punctual in glTF, \
+         a material with Ke in OBJ, or --sky RADIANCE",
+    ))
+}
+
+/// How the mesh is asked for.
+pub fn mesh_options(sizes: &SizeArguments) -> MeshOptions {
+    let quality = match sizes.quality {
+        QualityChoice::Draft => Quality::Draft,
+        QualityChoice::Normal => Quality::Normal,
+        QualityChoice::High => Quality::High,
+    };
+    MeshOptions { quality, patch_size: sizes.patch_size, element_size: sizes.element_size }
+}
+
+/// Cells of a shooter that go with a quality.
+pub fn default_cells(quality: QualityChoice) -> u32 {
+    match quality {
+        QualityChoice::Draft => 4,
+        QualityChoice::Normal => 16,
+        QualityChoice::High => 64,
+    }
+}
+
+/// Reads a solution and attaches the images that it shows: from `scene` if given, else from files beside the solution.
+pub fn solution(path: &Path, scene_path: Option<&Path>) -> Result<Solution, Failure> {
+    let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let mut solution = solution::read(&bytes).with_context(|| path.display().to_string())?;
+    let images = match scene_path {
+        Some(scene_path) => scene(scene_path, None)?.images,
+        None => images_beside(path, &solution),
+    };
+    solution.attach_images(&images);
+    Ok(solution)
+}
+
+fn images_beside(path: &Path, solution: &Solution) -> Vec<Image> {
+    let Ok(resources) = FileResources::beside(path) else { return Vec::new() };
+    let wanted = solution.description.images.iter();
+    wanted
+        .filter_map(|image| {
+            let bytes = resources.read(&image.name).ok()?;
+            Some(Image { name: image.name.clone(), media_type: image.media_type.clone(), bytes })
+        })
+        .collect()
+}

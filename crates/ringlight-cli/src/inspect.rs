@@ -1,0 +1,212 @@
+//! `inspect`: what is in a scene, what will be ignored, and how big the solve will be.
+
+use crate::arguments::Inspect;
+use crate::bake;
+use crate::estimate;
+use crate::failure::{End, Failure};
+use crate::input;
+use crate::progress::duration;
+use crate::run::{occluding_triangles, warning};
+use ringlight::mesh::{self, Facet, Mesh};
+use ringlight::output::report::{ReportedWarning, SceneReport, Units, warnings};
+use ringlight::scene::{LightKind, Scene, Surface};
+use ringlight::shooting::{self, ElementLight, PatchLight};
+use ringlight::solution::Description;
+use ringlight::solve::{self, Control, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::transport::Alone;
+use ringlight_visibility::Triangle;
+use serde::Serialize;
+use std::fmt::Write;
+use std::path::Path;
+use std::time::Instant;
+
+/// Seconds of shooting that measure the speed.
+const TRIAL: f64 = 1.0;
+
+/// What `inspect` found.
+#[derive(Serialize)]
+struct Inspection {
+    file: String,
+    units: Units,
+    scene: SceneReport,
+    surfaces: usize,
+    emitting_surfaces: usize,
+    materials: usize,
+    images: usize,
+    lights: Vec<Named>,
+    cameras: Vec<Named>,
+    extent: [f64; 3],
+    warnings: Vec<ReportedWarning>,
+    patch_size: f64,
+    element_size: f64,
+    clusters: usize,
+    cells: u32,
+    memory_bytes: u64,
+    forecast: Option<Forecast>,
+}
+
+/// Something with a name.
+#[derive(Serialize)]
+struct Named {
+    name: String,
+    kind: &'static str,
+}
+
+/// How long it will take.
+#[derive(Serialize)]
+struct Forecast {
+    until: f64,
+    shots: f64,
+    rays: f64,
+    rays_per_second: f64,
+    measured: bool,
+    seconds: f64,
+}
+
+/// Inspects.
+pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
+    let path = arguments.scene.as_path();
+    let scene = input::scene(path, arguments.sizes.unit)?;
+    let options = input::mesh_options(&arguments.sizes);
+    let mesh = mesh::build(&scene, &options).map_err(|error| input::locate(error, path))?;
+    let settings = bake::settings(&arguments.method, arguments.sizes.quality);
+    let mut inspection = Inspection::new(path, &scene, &mesh, &settings);
+    inspection.warnings.extend(warnings(&bake::skipped(&mesh)));
+    if input::has_light(&scene, &mesh, settings.sky) {
+        inspection.forecast = Some(forecast(&scene, mesh, settings, arguments));
+    }
+    let text = if arguments.json {
+        let json = serde_json::to_string_pretty(&inspection).map_err(anyhow::Error::new)?;
+        json + "\n"
+    } else {
+        inspection.to_text()
+    };
+    crate::print(text.as_bytes())
+}
+
+impl Inspection {
+    fn new(path: &Path, scene: &Scene, mesh: &Mesh, settings: &SolveSettings) -> Inspection {
+        let description = Description::new(scene);
+        let (low, high) =
+            mesh.clusters.iter().fold((glam::Vec3::INFINITY, glam::Vec3::NEG_INFINITY), |(low, high), c| {
+                (low.min(c.low), high.max(c.high))
+            });
+        let emits = |s: &&Surface| scene.materials[s.material as usize].emission.iter().any(|&x| x > 0.0);
+        let kind = |light: &LightKind| match light {
+            LightKind::Point { .. } => "point",
+            LightKind::Spot { .. } => "spot",
+            LightKind::Directional { .. } => "directional",
+        };
+        let camera = |field_of_view: f64| if field_of_view > 0.0 { "perspective" } else { "orthographic" };
+        Inspection {
+            file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            units: Units::of(&description),
+            scene: SceneReport::new(&description, mesh),
+            surfaces: scene.surfaces.len(),
+            emitting_surfaces: scene.surfaces.iter().filter(emits).count(),
+            materials: scene.materials.len(),
+            images: scene.images.len(),
+            lights: scene.lights.iter().map(|l| Named { name: l.name.clone(), kind: kind(&l.kind) }).collect(),
+            cameras: scene
+                .cameras
+                .iter()
+                .map(|c| Named { name: c.name.clone(), kind: camera(c.vertical_field_of_view) })
+                .collect(),
+            extent: (high - low).as_dvec3().to_array(),
+            warnings: warnings(&scene.warnings),
+            patch_size: mesh.sizes.patch,
+            element_size: mesh.sizes.element,
+            clusters: mesh.clusters.len(),
+            cells: settings.cells,
+            memory_bytes: memory(mesh),
+            forecast: None,
+        }
+    }
+
+    fn to_text(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        self.write(&mut text).ok();
+        text
+    }
+
+    fn write(&self, out: &mut String) -> std::fmt::Result {
+        let scene = &self.scene;
+        let [x, y, z] = self.extent;
+        writeln!(out, "scene        {}, {x:.3} × {y:.3} × {z:.3} m", self.file)?;
+        writeln!(out, "surfaces     {} of {} objects, {} triangles", self.surfaces, scene.objects, scene.triangles)?;
+        writeln!(out, "materials    {}, {} images", self.materials, self.images)?;
+        let lamps = if self.lights.is_empty() { String::new() } else { format!(": {}", list(&self.lights)) };
+        writeln!(out, "light        {} emitting surfaces, {} lamps{lamps}", self.emitting_surfaces, self.lights.len())?;
+        writeln!(out, "cameras      {}", if self.cameras.is_empty() { "none".into() } else { list(&self.cameras) })?;
+        writeln!(out, "patches      {} up to {:.3} m", scene.patches, self.patch_size)?;
+        writeln!(
+            out,
+            "elements     {} up to {:.3} m, in {} clusters",
+            scene.elements, self.element_size, self.clusters
+        )?;
+        writeln!(out, "memory       about {:.0} MiB", (self.memory_bytes as f64 / f64::from(1 << 20)).ceil())?;
+        match &self.forecast {
+            None => {
+                writeln!(out, "solve        nothing shines: bake would refuse the scene; --sky RADIANCE lights it")?
+            }
+            Some(f) => {
+                let how = if f.measured { "measured" } else { "given" };
+                let (until, rate, cells) = (100.0 * f.until, f.rays_per_second / 1e6, self.cells);
+                writeln!(
+                    out,
+                    "solve        to {until} % unshot with {cells} cells: about {:.0} shots, {:.3e} rays",
+                    f.shots, f.rays
+                )?;
+                writeln!(out, "time         about {} at {rate:.2} M rays/s ({how})", duration(f.seconds))?;
+            }
+        }
+        for w in &self.warnings {
+            writeln!(out, "warning      {}", warning(&w.message, w.count, &w.first_place))?;
+        }
+        Ok(())
+    }
+}
+
+fn list(named: &[Named]) -> String {
+    const SHOWN: usize = 8;
+    let mut names: Vec<String> = named.iter().take(SHOWN).map(|n| format!("'{}' ({})", n.name, n.kind)).collect();
+    if named.len() > SHOWN {
+        names.push(format!("{} more", named.len() - SHOWN));
+    }
+    names.join(", ")
+}
+
+/// Memory of mesh, light and hierarchy, bytes: what is stored, counted. The hierarchy's nodes are taken to be as large as
+/// its triangles.
+fn memory(mesh: &Mesh) -> u64 {
+    let elements = mesh.element_count() * (size_of::<ElementLight>() + size_of::<u16>());
+    let patches = mesh.patch_count() * (size_of::<u32>() + size_of::<PatchLight>());
+    let facets = mesh.facets.len() * size_of::<Facet>();
+    let textured = size_of_val(mesh.base_uv.as_slice())
+        + size_of_val(mesh.emission_uv.as_slice())
+        + size_of_val(mesh.vertex_colours.as_slice())
+        + size_of_val(mesh.colours.as_slice());
+    (elements + patches + facets + textured) as u64 + occluding_triangles(mesh) * 2 * size_of::<Triangle>() as u64
+}
+
+/// Foretells the solve; the speed is that of a trial, or as given.
+fn forecast(scene: &Scene, mut mesh: Mesh, settings: SolveSettings, arguments: &Inspect) -> Forecast {
+    let sky = settings.sky.map_or(0, |radiance| shooting::skies(radiance, 1, 1.0).len());
+    let work = estimate::work(&mesh, scene.lights.len() + sky, settings.cells, arguments.until);
+    let measured = arguments.rays_per_second.is_none();
+    let rays_per_second = arguments.rays_per_second.unwrap_or_else(|| {
+        let hierarchy = mesh::hierarchy(&mesh);
+        mesh::find_valid_samples(&mut mesh, &hierarchy);
+        let world = World::new(&mesh, &hierarchy, &scene.lights, settings);
+        let mut state = State::new(&world);
+        let rule = StopRule { until: arguments.until, max_shots: None };
+        let start = Instant::now();
+        let (_, progress) = solve::plain(&world, &mut state, &rule, &mut Alone::default(), &mut |_, _| {
+            if start.elapsed().as_secs_f64() < TRIAL { Control::Continue } else { Control::Stop(StopReason::TimeLimit) }
+        });
+        progress.rays as f64 / start.elapsed().as_secs_f64()
+    });
+    let seconds = work.rays / rays_per_second.max(1.0);
+    Forecast { until: arguments.until, shots: work.shots, rays: work.rays, rays_per_second, measured, seconds }
+}

@@ -1,0 +1,7 @@
+//! The command as its users meet it: small scenes in temporary folders, real processes.
+
+mod contract;
+mod damage;
+mod interruption;
+mod sameness;
+mod workshop;

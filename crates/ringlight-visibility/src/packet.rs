@@ -1,0 +1,201 @@
+//! A packet of receivers, and what a triangle clears of their masks.
+
+use crate::instruction_set::Machine;
+use crate::kernel::{DIRECTIONS, Found, GRID, POINTS, TWISTED, View};
+use crate::lanes::{Lanes, any, dot, from_point, nonzero, norm};
+use crate::plan::{Kind, Plan};
+use crate::predicate::{self, Prepared};
+use crate::{NO_PLANE, Triangle};
+
+/// Receivers in a packet.
+pub(crate) const PACKET: usize = 16;
+
+/// Receivers tested together, and the cells that each of them still sees.
+#[repr(C, align(64))]
+pub(crate) struct Packet {
+    pub x: [f32; PACKET],
+    pub y: [f32; PACKET],
+    pub z: [f32; PACKET],
+    /// [`Plan::reach`] of each point.
+    pub reach: [f32; PACKET],
+    pub plane: [u32; PACKET],
+    /// Mask bits 0 to 31, and 32 to 63.
+    pub words: [[u32; PACKET]; 2],
+}
+
+/// A triangle with what the shooter and the filters say of it.
+pub(crate) struct Candidate<'a> {
+    pub triangle: &'a Triangle,
+    pub prepared: Prepared,
+    /// Cells it may block.
+    pub cells: u64,
+    /// The texels to ask about each blocked cell.
+    pub cutout: Option<&'a crate::Filter>,
+}
+
+impl Packet {
+    #[inline(always)]
+    fn lanes<S: Machine>(simd: S, all: &[f32; PACKET], chunk: usize) -> Lanes<S> {
+        Lanes::new(simd, S::as_simd_f32s(all).0[chunk])
+    }
+
+    pub fn point(&self, lane: usize) -> [f32; 3] {
+        [self.x[lane], self.y[lane], self.z[lane]]
+    }
+
+    pub fn mask(&self, lane: usize) -> u64 {
+        u64::from(self.words[0][lane]) | u64::from(self.words[1][lane]) << 32
+    }
+
+    pub fn set_mask(&mut self, lane: usize, mask: u64) {
+        (self.words[0][lane], self.words[1][lane]) = (mask as u32, (mask >> 32) as u32);
+    }
+
+    /// The cells that any receiver still sees.
+    #[inline(always)]
+    pub fn union(&self) -> u64 {
+        let [low, high] = [&self.words[0], &self.words[1]].map(|words| words.iter().fold(0, |all, word| all | word));
+        u64::from(low) | u64::from(high) << 32
+    }
+
+    /// The lanes that still see something, as bits.
+    #[inline(always)]
+    pub fn unfinished<S: Machine>(&self, simd: S) -> u32 {
+        let mut bits = 0;
+        for chunk in 0..PACKET / S::F32_LANES {
+            let [low, high] = [0, 1].map(|w| S::as_simd_u32s(&self.words[w]).0[chunk]);
+            bits |= simd.bits(nonzero(simd, simd.or_u32s(low, high))) << (chunk * S::F32_LANES);
+        }
+        bits
+    }
+
+    /// Clears the bits that the candidate blocks; whether it blocked any.
+    #[inline(always)]
+    pub fn clear<S: Machine>(&mut self, simd: S, plan: &Plan, candidate: &Candidate) -> bool {
+        let mut blocked = false;
+        for chunk in 0..PACKET / S::F32_LANES {
+            blocked |= match (plan.kind, plan.side) {
+                (Kind::Grid, 1) => self.clear_chunk::<S, GRID, 1>(simd, plan, candidate, chunk),
+                (Kind::Grid, 2) => self.clear_chunk::<S, GRID, 2>(simd, plan, candidate, chunk),
+                (Kind::Grid, 4) => self.clear_chunk::<S, GRID, 4>(simd, plan, candidate, chunk),
+                (Kind::Grid, 8) => self.clear_chunk::<S, GRID, 8>(simd, plan, candidate, chunk),
+                (Kind::Grid, _) => self.clear_chunk::<S, GRID, 0>(simd, plan, candidate, chunk),
+                (Kind::TwistedGrid, _) => self.clear_chunk::<S, TWISTED, 0>(simd, plan, candidate, chunk),
+                (Kind::Points, _) => self.clear_chunk::<S, POINTS, 0>(simd, plan, candidate, chunk),
+                (Kind::Directions, _) => self.clear_chunk::<S, DIRECTIONS, 0>(simd, plan, candidate, chunk),
+            };
+        }
+        blocked
+    }
+
+    #[inline(always)]
+    fn clear_chunk<S: Machine, const KIND: u8, const SIDE: usize>(
+        &mut self,
+        simd: S,
+        plan: &Plan,
+        candidate: &Candidate,
+        chunk: usize,
+    ) -> bool {
+        let t = &candidate.prepared;
+        let x =
+            [Self::lanes(simd, &self.x, chunk), Self::lanes(simd, &self.y, chunk), Self::lanes(simd, &self.z, chunk)];
+        let low = S::as_simd_u32s(&self.words[0]).0[chunk];
+        let high = S::as_simd_u32s(&self.words[1]).0[chunk];
+        let reach = Self::lanes(simd, &self.reach, chunk);
+
+        let to_first = from_point(t.corners[0], x);
+        let height = dot(to_first, t.normal);
+        let (sign, distance) = (height.sign(), height.abs());
+        let mut alive = nonzero(simd, simd.or_u32s(low, high));
+        alive = simd.and_m32s(alive, Lanes::splat(simd, 0.0).below(distance));
+        if candidate.triangle.plane != NO_PLANE {
+            let plane = simd.splat_u32s(candidate.triangle.plane);
+            let same = simd.equal_u32s(S::as_simd_u32s(&self.plane).0[chunk], plane);
+            alive = simd.and_m32s(alive, simd.not_m32s(same));
+        }
+        let near = norm(to_first) + t.longest;
+        let view = View { x, to_first, sign, distance, reach, allowance: (near * reach) * t.rounding, near };
+        let wanted = [
+            simd.and_u32s(low, simd.splat_u32s(candidate.cells as u32)),
+            simd.and_u32s(high, simd.splat_u32s((candidate.cells >> 32) as u32)),
+        ];
+        let found = if KIND == GRID || KIND == TWISTED {
+            view.over_grid::<KIND, SIDE>(simd, plan, candidate, alive, wanted)
+        } else {
+            view.over_cells::<KIND>(simd, plan, candidate, alive, wanted)
+        };
+        let Some(Found { mut seen, sure, grazing }) = found else {
+            return false;
+        };
+
+        let all_doubtful = if candidate.cutout.is_some() { simd.splat_u32s(u32::MAX) } else { simd.splat_u32s(0) };
+        let grazing = simd.select_u32s(grazing, simd.splat_u32s(u32::MAX), all_doubtful);
+        let mut doubt = seen;
+        for w in 0..2 {
+            doubt[w] = simd.and_u32s(seen[w], simd.or_u32s(grazing, simd.not_u32s(sure[w])));
+        }
+        let mut some = true;
+        if any(simd, nonzero(simd, simd.or_u32s(doubt[0], doubt[1]))) {
+            let mut refuted = [[0; PACKET]; 2];
+            let mut certain = [[0; PACKET]; 2];
+            for w in 0..2 {
+                S::as_mut_simd_u32s(&mut refuted[w]).0[chunk] = doubt[w];
+                S::as_mut_simd_u32s(&mut certain[w]).0[chunk] = sure[w];
+            }
+            self.keep_refuted(plan, candidate, &certain, &mut refuted);
+            for w in 0..2 {
+                seen[w] = simd.xor_u32s(seen[w], S::as_simd_u32s(&refuted[w]).0[chunk]);
+            }
+            some = any(simd, nonzero(simd, simd.or_u32s(seen[0], seen[1])));
+        }
+        S::as_mut_simd_u32s(&mut self.words[0]).0[chunk] = simd.xor_u32s(low, seen[0]);
+        S::as_mut_simd_u32s(&mut self.words[1]).0[chunk] = simd.xor_u32s(high, seen[1]);
+        some
+    }
+
+    /// Leaves in `doubt`, bits that seem blocked, those that the scalar predicate or the cutout lets through.
+    #[inline(never)]
+    fn keep_refuted(
+        &self,
+        plan: &Plan,
+        candidate: &Candidate,
+        sure: &[[u32; PACKET]; 2],
+        doubt: &mut [[u32; PACKET]; 2],
+    ) {
+        for (w, words) in doubt.iter_mut().enumerate() {
+            for (lane, word) in words.iter_mut().enumerate() {
+                let mut bits = *word;
+                while bits != 0 {
+                    let bit = bits & bits.wrapping_neg();
+                    bits ^= bit;
+                    let k = 32 * w + bit.trailing_zeros() as usize;
+                    if candidate.confirms(plan, self.point(lane), k, sure[w][lane] & bit != 0) {
+                        *word ^= bit;
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Candidate<'_> {
+    /// Whether it hides cell `k` from `x`, given that the four functions say so: for `sure`, or nearly.
+    fn confirms(&self, plan: &Plan, x: [f32; 3], k: usize, sure: bool) -> bool {
+        if self.cutout.is_some() || !sure {
+            return self.blocks(plan, x, k);
+        }
+        let height = predicate::dot(self.prepared.normal, predicate::sub(self.prepared.corners[0], x));
+        !plan.is_grazing(&self.prepared, x, k, height) || plan.passes_box(&self.prepared, x, k)
+    }
+
+    /// Whether it hides cell `k` from `x`, plane ids apart.
+    pub fn blocks(&self, plan: &Plan, x: [f32; 3], k: usize) -> bool {
+        self.cells >> k & 1 == 1
+            && predicate::hit(plan, &self.prepared, x, k).is_some_and(|weights| {
+                self.cutout.is_none_or(|filter| {
+                    let share = predicate::barycentric(self.triangle, &self.prepared, weights);
+                    filter.blocks_at(share)
+                })
+            })
+    }
+}
