@@ -31,6 +31,12 @@ const HEIGHTS: [f64; 4] = [0.12, 0.38, 0.62, 0.88];
 /// Eyes for which directions are tried.
 const FINALISTS: usize = 12;
 
+/// Share of the lit elements that are darker than what counts as half bright: enough light to see by is enough.
+const DIM: f64 = 0.2;
+
+/// What is nearer than this share of the reference distance is in the way.
+const IN_THE_WAY: f64 = 0.3;
+
 /// Horizontal directions tried.
 const AZIMUTHS: u32 = 16;
 
@@ -56,8 +62,8 @@ struct Judge<'a> {
     /// Box of the scene, mesh coordinates, metres.
     low: DVec3,
     high: DVec3,
-    /// Median illuminance of the elements.
-    usual: f32,
+    /// Illuminance that counts half.
+    dim: f32,
 }
 
 /// How rays of sight fare.
@@ -87,11 +93,11 @@ impl<'a> Judge<'a> {
         let mesh = &solution.mesh;
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
         let high = mesh.clusters.iter().fold(DVec3::NEG_INFINITY, |a, c| a.max(c.high.as_dvec3()));
-        let mut light: Vec<f32> =
-            solution.state.clusters.iter().flat_map(|c| &c.elements).map(|e| photometric(e.at_point())).collect();
-        let middle = light.len() / 2;
-        let usual = if light.is_empty() { 0.0 } else { *light.select_nth_unstable_by(middle, f32::total_cmp).1 };
-        Judge { solution, mesh, hierarchy, aspect, low, high, usual }
+        let elements = solution.state.clusters.iter().flat_map(|c| &c.elements);
+        let mut light: Vec<f32> = elements.map(|e| photometric(e.at_point())).filter(|&e| e > 0.0).collect();
+        let rank = (light.len() as f64 * DIM) as usize;
+        let dim = if light.is_empty() { 0.0 } else { *light.select_nth_unstable_by(rank, f32::total_cmp).1 };
+        Judge { solution, mesh, hierarchy, aspect, low, high, dim }
     }
 
     /// Follows rays; `reference` is the distance, metres, that counts half.
@@ -102,14 +108,13 @@ impl<'a> Judge<'a> {
             let light = photometric(self.solution.irradiance(seen.element));
             // Lamps are to see by, not to look at.
             let brightness =
-                if light > 0.0 && !self.emits(&seen) { f64::from(light / (light + self.usual)) } else { 0.0 };
+                if light > 0.0 && !self.emits(&seen) { f64::from(light / (light + self.dim)) } else { 0.0 };
             let distance = f64::from(seen.distance) * direction.length();
             tally.met += 1;
             tally.distance += distance;
             tally.brightness += brightness;
-            // What is right before the eye hides the rest.
             tally.worth +=
-                if distance < 0.15 * reference { -0.5 } else { brightness * distance / (distance + reference) };
+                if distance < IN_THE_WAY * reference { -1.0 } else { brightness * distance / (distance + reference) };
             tally.planes.insert(self.mesh.facets[seen.facet as usize].plane);
         }
         tally

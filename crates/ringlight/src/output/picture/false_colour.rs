@@ -48,7 +48,7 @@ pub struct Scale {
 }
 
 /// Values that differ by more than this ratio are shown on a logarithmic scale.
-const WIDE: f64 = 40.0;
+const WIDE: f64 = 100.0;
 
 /// A logarithmic scale goes no further down than this share of its upper end.
 const DEEPEST: f64 = 1e-4;
@@ -68,7 +68,7 @@ impl Scale {
         };
         let asked = wanted.range.map(|r| r.map(f64::from)).filter(|r| 0.0 <= r[0] && r[0] < r[1] && r[1].is_finite());
         // A few specks do not stretch the scale.
-        let [low, high] = asked.unwrap_or([at(0.01), at(0.995)]);
+        let [low, high] = asked.unwrap_or([at(0.05), at(0.995)]);
         let logarithmic = wanted.logarithmic.unwrap_or(high > WIDE * low && (low > 0.0 || asked.is_none()));
         let (low, high) = match asked {
             Some(_) if logarithmic => (low.max(high * DEEPEST), high),

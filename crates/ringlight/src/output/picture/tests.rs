@@ -184,3 +184,50 @@ fn an_orthographic_picture_shows_lengths_to_scale() {
     let lamp = picture.linear.iter().filter(|l| l[0] > 9.0).count();
     assert_eq!(lamp, 100);
 }
+
+#[test]
+fn textures_are_shown_in_full_although_elements_know_their_mean_only() {
+    let (mut solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 10.0);
+    // Black and white halves along u.
+    let mut png = Vec::new();
+    let texels = image::RgbImage::from_raw(2, 1, vec![0, 0, 0, 255, 255, 255]).unwrap();
+    texels.write_to(&mut Cursor::new(&mut png), image::ImageFormat::Png).unwrap();
+    solution.images = vec![Some(crate::resources::Bytes::new(png))];
+    let (name, media_type) = ("halves.png".into(), "image/png".into());
+    solution.description.images = vec![crate::solution::ImageReference { name, media_type, hash: String::new() }];
+    let wrap = [crate::scene::Wrap::Clamp; 2];
+    let surface = solution.description.surfaces.iter().position(|s| s.name == "floor").unwrap();
+    let material = solution.description.surfaces[surface].material as usize;
+    let texture = crate::scene::Texture { image: 0, wrap, nearest: true };
+    solution.description.materials[material].base_texture = Some(texture);
+    // u grows with x.
+    let facet = solution.mesh.facets.iter_mut().find(|f| f.surface as usize == surface).unwrap();
+    solution.mesh.base_uv = vec![facet.corners.map(|c| [(c.x + 2.0) / 4.2, 0.0])];
+    facet.base_uv = 0;
+    let view = towards([0.1, 1.0, 0.9], [0.1, 0.0, 0.89]);
+    let picture = render(&solution, &hierarchy, &options(view));
+    let row = &picture.linear[24 * 8..24 * 9];
+    assert!(row[..12].iter().all(|l| *l == [0.0; 3]), "{row:?}");
+    assert!(row[12..].iter().all(|l| l[0] > 0.1 && (l[0] / row[12][0] - 1.0).abs() < 1e-3), "{row:?}");
+    // Without its image the texture is left out.
+    solution.images = vec![None];
+    assert!(render(&solution, &hierarchy, &options(view)).linear[24 * 8][0] > 0.1);
+}
+
+#[test]
+fn a_front_is_seen_although_another_surfaces_back_lies_in_the_same_place() {
+    let square = "v -1 0 1\nv 1 0 1\nv 1 0 -1\nv -1 0 -1\n";
+    for obj in [
+        "o down\nusemtl grey\nf 4 3 2 1\no up\nusemtl lamp\nf 1 2 3 4\n",
+        "o up\nusemtl lamp\nf 1 2 3 4\no down\nusemtl grey\nf 4 3 2 1\n",
+    ] {
+        let mut scene = crate::output::fixture::read(&format!("{square}{obj}"));
+        scene.materials.iter_mut().for_each(|m| m.double_sided = false);
+        let solution = crate::output::fixture::solve(&scene, 1.0, 0.01);
+        let hierarchy = crate::mesh::hierarchy(&solution.mesh);
+        let above = render(&solution, &hierarchy, &options(towards([0.1, 1.0, 0.1], [0.1, 0.0, 0.09])));
+        assert!(above.linear.iter().all(|l| (l[0] / 10.0 - 1.0).abs() < 1e-5));
+        let below = render(&solution, &hierarchy, &options(towards([0.1, -1.0, 0.1], [0.1, 0.0, 0.09])));
+        assert!(below.linear.iter().all(|l| *l == [0.0; 3]));
+    }
+}
