@@ -20,7 +20,8 @@ pub fn order(facets: &[Facet], element_counts: &[u32], turn: f64) -> (Vec<u32>, 
         .collect();
     let mut order: Vec<u32> = (0..facets.len() as u32).collect();
     let mut groups = Vec::new();
-    let mut stack = vec![0..facets.len()];
+    let whole = 0..facets.len();
+    let mut stack = vec![whole];
     while let Some(range) = stack.pop() {
         let part = &mut order[range.clone()];
         let elements: u64 = part.iter().map(|&f| u64::from(element_counts[f as usize])).sum();

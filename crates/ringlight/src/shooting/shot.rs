@@ -36,7 +36,7 @@ pub struct Shot {
 #[derive(Clone, Debug)]
 pub enum Source {
     /// A patch; the light of a cell is its unshot radiosity ΔB, W/m² or lm/m².
-    Patch(PatchSource),
+    Patch(Box<PatchSource>),
     /// A point or spot light; the light is its intensity, W/sr or cd.
     Point {
         /// Position, mesh coordinates, metres.
@@ -129,7 +129,7 @@ pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize
     Shot {
         shooter: Shooter { cells: Cells::Grid(grid), plane: patch.plane, far: FAR },
         light: weights.iter().map(|w| w.map(|x| x as f32)).collect(),
-        source: Source::Patch(PatchSource {
+        source: Source::Patch(Box::new(PatchSource {
             patch: patch.id,
             corners,
             count,
@@ -139,7 +139,7 @@ pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize
             low,
             high,
             density,
-        }),
+        })),
         power: cluster_patch.unshot_power,
     }
 }
