@@ -35,9 +35,8 @@ fn deviations(scene: &Meshed, state: &State) -> Vec<f64> {
             for e in patch.elements().filter(|&e| scene.mesh.valid[e as usize] != 0) {
                 let colour = scene.mesh.colour(&patch, e);
                 let light = light.elements[(e - cluster.elements.start) as usize].at_point();
-                for c in 0..3 {
-                    found.push(f64::from(colour.exitance[c] + colour.reflectance[c] * light[c]) - 1.0);
-                }
+                let radiosity = |c: usize| colour.exitance[c] + colour.reflectance[c] * light[c];
+                found.extend((0..3).map(|c| f64::from(radiosity(c)) - 1.0));
             }
         }
     }
