@@ -1,4 +1,4 @@
-//! What can be written, by the ending of the file. Each kind of output is hooked up at one arm of [`write`].
+//! What can be written, by the ending of the file. Each kind of output is hooked up at one arm of [`write()`].
 
 use crate::arguments::{DisplayArguments, Targets, ToneChoice};
 use crate::failure::Failure;

@@ -26,6 +26,9 @@ pub fn order(layout: Layout) -> (&'static [u8; 16], u16) {
 /// Surfaces nearer than this share of an element's width touch it.
 const CONTACT: f64 = 0.02;
 
+/// A sample that sees nothing farther away than this share of an element's width lies in a crack.
+const CRACK: f64 = 0.25;
+
 /// Elements narrower than this share of the element size are judged by their middle alone.
 const SMALL: f64 = 0.25;
 
@@ -70,22 +73,35 @@ pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Hierarchy) {
 
 fn valid_samples(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, k: u32) -> u16 {
     let width = (patch.area / f64::from(patch.element_count())).sqrt();
-    let contact = CONTACT * width;
     let tile = patch.element_tile(k);
-    let free = |p: DVec3| is_free(mesh, hierarchy, patch, p, contact);
-    let middle = free(patch.frame.at(tile.at(Frame::middle(patch.frame.layout))));
+    let view = |p: DVec3| look_about(mesh, hierarchy, patch, p, width);
+    let middle = view(patch.frame.at(tile.at(Frame::middle(patch.frame.layout))));
     if width < SMALL * mesh.sizes.element {
-        return if middle { ALL_VALID } else { 0 };
+        return if middle == View::Covered { 0 } else { ALL_VALID };
     }
-    let samples = (0..16).filter(|&s| free(patch.area_sample(&tile, s))).fold(0u16, |bits, s| bits | 1 << s);
-    // A covered middle must not be the sample point: one bit less says so.
-    if middle { samples } else { samples & !(1 << order(patch.frame.layout).0[0]) }
+    let views: [View; 16] = std::array::from_fn(|s| view(patch.area_sample(&tile, s as u32)));
+    // An element that is open in part takes its light there; one wholly in a crack is as dark as the crack.
+    let wanted = if views.contains(&View::Open) { View::Open } else { View::Crack };
+    let samples = views.iter().enumerate().fold(0u16, |bits, (s, &v)| bits | u16::from(v >= wanted) << s);
+    // A middle without light must not be the sample point: one bit less says so.
+    if middle >= wanted { samples } else { samples & !(1 << order(patch.frame.layout).0[0]) }
 }
 
-/// Whether a point sees anything but backs and what touches it. Where a coplanar surface faces it (a box's bottom on the
+/// What a sample sees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum View {
+    /// Backs, and what touches it.
+    Covered,
+    /// Lit surfaces, all of them near.
+    Crack,
+    /// More.
+    Open,
+}
+
+/// What a point sees besides backs and what touches it. Where a coplanar surface faces it (a box's bottom on the
 /// floor), it must see a lit surface; elsewhere it is enough to see nothing. Where surfaces lie in each other, looking the
 /// same way, one of them has the light: twice the light would never die out.
-fn is_free(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, contact: f64) -> bool {
+fn look_about(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, width: f64) -> View {
     let this = &mesh.facets[patch.facet as usize];
     let overlays = |other: u32| {
         let facet = &mesh.facets[other as usize];
@@ -93,11 +109,11 @@ fn is_free(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, cont
         same_way && precedence(mesh, other, facet) < precedence(mesh, patch.facet, this)
     };
     if meets_coplanar(mesh, hierarchy, patch, point, overlays) {
-        return false;
+        return View::Covered;
     }
     let n = patch.normal;
     let (t, b) = n.any_orthonormal_pair();
-    let mut escapes = false;
+    let (mut escapes, mut seen) = (false, View::Covered);
     for d in &DIRECTIONS {
         let direction = d[0] * t + d[1] * b + d[2] * n;
         let ray = Ray {
@@ -111,14 +127,18 @@ fn is_free(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, cont
             None => escapes = true,
             Some(hit) => {
                 let lit = hit.front || mesh.facets[(hit.triangle >> 1) as usize].double_sided();
-                if lit && f64::from(hit.distance) > contact {
-                    return true;
+                let distance = f64::from(hit.distance);
+                if lit && distance > CRACK * width {
+                    return View::Open;
+                }
+                if lit && distance > CONTACT * width {
+                    seen = View::Crack;
                 }
             }
         }
     }
     let faces = |other: u32| mesh.facets[other as usize].frame().area_vector().dot(patch.normal) < 0.0;
-    escapes && !meets_coplanar(mesh, hierarchy, patch, point, faces)
+    if escapes && !meets_coplanar(mesh, hierarchy, patch, point, faces) { View::Open } else { seen }
 }
 
 /// Which of two facets that lie in each other has the light: the smaller key. Lamps come before others, small facets before

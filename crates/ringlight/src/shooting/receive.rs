@@ -68,13 +68,14 @@ pub fn receive(
     let points = Points { x: &work.x, y: &work.y, z: &work.z, plane: &work.plane };
     let tally = hierarchy.clear_blocked(&shot.shooter, points, &mut work.masks);
     gather(shot, work);
-    add(mesh, cluster, light, work);
+    add(mesh, cluster, light, is_hard(shot), work);
     tally
 }
 
 /// Collects the sample points of a cluster that face the shooter.
 fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
     work.clear();
+    let hard = is_hard(shot);
     let cluster = &mesh.clusters[cluster];
     if let Source::Patch(source) = &shot.source {
         let (low, high) = (cluster.low.as_dvec3(), cluster.high.as_dvec3());
@@ -94,7 +95,7 @@ fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
             let valid = mesh.valid[element as usize];
             let Some(point) = patch.sample_point(k, valid) else { continue };
             let index = element - cluster.elements.start;
-            let near = is_near(&patch, point, shot);
+            let near = hard || is_near(&patch, point, shot);
             let mask = horizon_mask(shot, point, patch.normal);
             if mask == 0 && !near {
                 continue;
@@ -135,6 +136,11 @@ fn may_face(patch: &Patch, shot: &Shot) -> bool {
             _ => false,
         },
     }
+}
+
+/// Whether the shot casts hard shadows: then every element takes area samples, and shows their mean.
+fn is_hard(shot: &Shot) -> bool {
+    shot.light.len() == 1 && !matches!(shot.source, Source::Patch(_))
 }
 
 fn is_near(patch: &Patch, point: DVec3, shot: &Shot) -> bool {
@@ -250,14 +256,14 @@ fn from_point(sample: &Sample, position: DVec3, cone: Option<(DVec3, f64, f64)>,
 }
 
 /// Adds what was received to the elements, and renews the unshot power of their patches.
-fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, work: &Work) {
+fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, hard: bool, work: &Work) {
     let mut i = 0;
     let mut lit: Option<(u32, u32)> = None;
     while i < work.samples.len() {
         let sample = &work.samples[i];
         let followers = usize::from(sample.followers);
         let point = work.received[i];
-        let area: [f64; 3] = if followers == 0 {
+        let mean: [f64; 3] = if followers == 0 {
             point
         } else {
             let sum = work.received[i + 1..=i + followers]
@@ -265,6 +271,7 @@ fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, work: &Work) {
                 .fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
             sum.map(|x| x / followers as f64)
         };
+        let (area, point) = if hard { (mean, mean) } else { (mean, point) };
         if area != [0.0; 3] || point != [0.0; 3] {
             let element: &mut ElementLight = &mut light.elements[sample.element as usize];
             for c in 0..3 {
