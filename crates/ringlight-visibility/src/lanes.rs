@@ -3,7 +3,7 @@
 //! Code over lanes has neither closures nor `map`: what is not `#[inline(always)]` is compiled without the vector
 //! instructions, and each operation in it becomes a call (fifty times slower).
 
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Div, Mul, Sub};
 
 use crate::instruction_set::Machine;
 
@@ -101,6 +101,7 @@ macro_rules! operator {
 operator!(Add, add, add_f32s);
 operator!(Sub, sub, sub_f32s);
 operator!(Mul, mul, mul_f32s);
+operator!(Div, div, div_f32s);
 
 /// Each coordinate with its sign flipped where `sign` has its bit set.
 #[inline(always)]
@@ -131,6 +132,12 @@ pub(crate) fn norm<S: Machine>(a: LaneVector<S>) -> Lanes<S> {
 #[inline(always)]
 pub(crate) fn from_point<S: Machine>(a: [f32; 3], x: LaneVector<S>) -> LaneVector<S> {
     [a[0] - x[0], a[1] - x[1], a[2] - x[2]]
+}
+
+/// a − b.
+#[inline(always)]
+pub(crate) fn minus<S: Machine>(a: LaneVector<S>, b: LaneVector<S>) -> LaneVector<S> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 /// a × b.

@@ -20,6 +20,7 @@ mod packet;
 mod plan;
 mod predicate;
 pub mod reference;
+mod shadow;
 mod shaft;
 mod shooter;
 mod triangle;

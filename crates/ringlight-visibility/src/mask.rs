@@ -1,10 +1,11 @@
 //! Masks of many points against one shooter: packets of neighbours descend the hierarchy together.
 
-use crate::build::{STACK, Target};
+use crate::build::{STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::packet::{Candidate, PACKET, Packet};
 use crate::plan::Plan;
 use crate::predicate::Prepared;
+use crate::shadow::{Block, Shadows};
 use crate::shaft::Shaft;
 use crate::{Filter, Hierarchy, NO_PLANE, OPAQUE, Points, Tally};
 
@@ -112,47 +113,72 @@ impl Search<'_> {
             return;
         }
         let mut shaft = Shaft::new(self.plan, packet, unfinished, &self.hierarchy.bounds);
+        let shadows = Shadows::new(self.plan, packet);
+        let mut block = Block::new();
         if let Some(last) = self.last_blocker {
-            let triangle = &self.hierarchy.triangles[last];
-            if shaft.touches(Prepared::new(triangle).bounds()) && self.test(machine, packet, last) {
-                unfinished = packet.unfinished(machine);
-            }
+            block.push(last, &self.hierarchy.triangles[last]);
         }
         let mut in_shaft = (unfinished.count_ones(), packet.union().count_ones());
-        let mut cleared = false;
         let mut stack = [0u32; STACK];
         let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let node = &self.hierarchy.nodes[stack[height] as usize];
-            let mut children = shaft.children(machine, node);
-            let above = height;
-            while children != 0 {
-                let i = children.trailing_zeros() as usize;
-                children &= children - 1;
-                match node.child[i].target() {
-                    Target::Node(number) => {
-                        stack[height] = number as u32;
-                        height += 1;
+        // The child of a visited node whose triangles are gathered next.
+        let mut leaves = 0u32;
+        let mut node = &self.hierarchy.nodes[0];
+        let mut rest = 0..0;
+        loop {
+            // Gathers triangles until a register is full of them, or no node is left.
+            while block.count < WIDTH {
+                if let Some(index) = rest.next() {
+                    block.push(index, &self.hierarchy.triangles[index]);
+                } else if leaves != 0 {
+                    let i = leaves.trailing_zeros() as usize;
+                    leaves &= leaves - 1;
+                    if let Target::Triangles(range) = node.child[i].target() {
+                        rest = range;
                     }
-                    Target::Triangles(range) => {
-                        for index in range {
-                            if self.test(machine, packet, index) {
-                                cleared = true;
-                                unfinished = packet.unfinished(machine);
-                                if unfinished == 0 {
-                                    return;
-                                }
+                } else if height > 0 {
+                    height -= 1;
+                    node = &self.hierarchy.nodes[stack[height] as usize];
+                    let above = height;
+                    let mut children = shaft.children(machine, node);
+                    while children != 0 {
+                        let i = children.trailing_zeros() as usize;
+                        children &= children - 1;
+                        match node.child[i].target() {
+                            Target::Node(number) => {
+                                stack[height] = number as u32;
+                                height += 1;
                             }
+                            Target::Triangles(_) => leaves |= 1 << i,
                         }
                     }
+                    // The largest child was found first and is to be visited first.
+                    stack[above..height].reverse();
+                } else {
+                    break;
                 }
             }
-            // The largest child was found first and is to be visited first.
-            stack[above..height].reverse();
-            // A narrower shaft, once it is for much fewer receivers or cells.
+            if block.count == 0 {
+                return;
+            }
+            let all = ((1u64 << block.count) - 1) as u32;
+            let mut left = match &shadows {
+                Some(shadows) => shadows.on_cells(machine, &block, unfinished),
+                None => all,
+            };
+            block.count = 0;
+            let mut cleared = false;
+            while left != 0 {
+                let i = left.trailing_zeros() as usize % WIDTH;
+                left &= left - 1;
+                cleared |= self.test(machine, packet, block.index[i] as usize);
+            }
             if cleared {
-                cleared = false;
+                unfinished = packet.unfinished(machine);
+                if unfinished == 0 {
+                    return;
+                }
+                // A narrower shaft, once it is for much fewer receivers or cells.
                 let size = (unfinished.count_ones(), packet.union().count_ones());
                 if 2 * size.0 <= in_shaft.0 || 4 * size.1 <= 3 * in_shaft.1 {
                     shaft = Shaft::new(self.plan, packet, unfinished, &self.hierarchy.bounds);

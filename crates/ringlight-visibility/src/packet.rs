@@ -165,11 +165,28 @@ impl Packet {
         for (w, words) in doubt.iter_mut().enumerate() {
             for (lane, word) in words.iter_mut().enumerate() {
                 let mut bits = *word;
+                if bits == 0 {
+                    continue;
+                }
+                let x = self.point(lane);
+                // What is the same for all cells is asked once.
+                let t = &candidate.prepared;
+                let directions = plan.kind == Kind::Directions;
+                let height = predicate::dot(t.normal, predicate::sub(t.corners[0], x));
+                let grazing = directions || plan.is_grazing(t, x, 0, height);
+                let (around, far) = plan.grown_box(t, x);
                 while bits != 0 {
                     let bit = bits & bits.wrapping_neg();
                     bits ^= bit;
                     let k = 32 * w + bit.trailing_zeros() as usize;
-                    if candidate.confirms(plan, self.point(lane), k, sure[w][lane] & bit != 0) {
+                    let confirmed = if candidate.cutout.is_some() || sure[w][lane] & bit == 0 {
+                        candidate.blocks(plan, x, k)
+                    } else {
+                        !grazing
+                            || directions && !plan.is_grazing(t, x, k, height)
+                            || predicate::pass(around, plan.towards(x, k), far).is_some()
+                    };
+                    if confirmed {
                         *word ^= bit;
                     }
                 }
@@ -179,15 +196,6 @@ impl Packet {
 }
 
 impl Candidate<'_> {
-    /// Whether it hides cell `k` from `x`, given that the four functions say so: for `sure`, or nearly.
-    fn confirms(&self, plan: &Plan, x: [f32; 3], k: usize, sure: bool) -> bool {
-        if self.cutout.is_some() || !sure {
-            return self.blocks(plan, x, k);
-        }
-        let height = predicate::dot(self.prepared.normal, predicate::sub(self.prepared.corners[0], x));
-        !plan.is_grazing(&self.prepared, x, k, height) || plan.passes_box(&self.prepared, x, k)
-    }
-
     /// Whether it hides cell `k` from `x`, plane ids apart.
     pub fn blocks(&self, plan: &Plan, x: [f32; 3], k: usize) -> bool {
         self.cells >> k & 1 == 1

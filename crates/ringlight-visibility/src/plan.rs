@@ -1,6 +1,6 @@
 //! A shooter made ready for the predicate: its cells, and the functions of them that the predicate asks for.
 
-use crate::predicate::{BOX_MARGIN, Prepared, Vector, dot, norm, sub};
+use crate::predicate::{BOX_MARGIN, Prepared, Vector, dot, norm, pass, sub};
 use crate::{Cells, Layout, MAX_CELLS, Shooter};
 
 /// How the cells are evaluated. What the predicate computes depends on this, never on lanes or instruction set.
@@ -23,6 +23,8 @@ pub(crate) struct Plan {
     /// Side of a quadrilateral grid whose rows and columns may be evaluated apart; else 0.
     pub side: usize,
     pub count: usize,
+    /// An untwisted grid's cells lie at parameters (whole number + 1 / `lattice.1`) / `lattice.0`, or some of those.
+    pub lattice: (f32, f32),
     /// Mask with a bit for every cell.
     pub all: u64,
     /// Positions, or directions, of the cells.
@@ -55,6 +57,7 @@ impl Plan {
             kind: Kind::Points,
             side: 0,
             count,
+            lattice: (1.0, 2.0),
             all: shooter.cells.all(),
             cells: [[0.0; 3]; MAX_CELLS],
             u: [0.0; MAX_CELLS],
@@ -76,6 +79,8 @@ impl Plan {
                 if grid.layout == Layout::Quad && plan.kind == Kind::Grid {
                     plan.side = grid.side as usize;
                 }
+                let side = grid.side as f32;
+                plan.lattice = if grid.layout == Layout::Quad { (side, 2.0) } else { (3.0 * side, 1.0) };
                 for k in 0..count {
                     plan.cells[k] = grid.point(k);
                     [plan.u[k], plan.v[k]] = grid.layout.centre(grid.side, k);
@@ -114,7 +119,7 @@ impl Plan {
 
     /// From `x` to cell `k`.
     #[inline(always)]
-    fn towards(&self, x: Vector, k: usize) -> Vector {
+    pub fn towards(&self, x: Vector, k: usize) -> Vector {
         if self.kind == Kind::Directions { self.cells[k] } else { sub(self.cells[k], x) }
     }
 
@@ -166,12 +171,18 @@ impl Plan {
 
     /// Whether the way from `x` to cell `k` passes the triangle's box, grown by the margin of grazing hits.
     pub fn passes_box(&self, t: &Prepared, x: Vector, k: usize) -> bool {
-        let d = self.towards(x, k);
+        let (around, far) = self.grown_box(t, x);
+        pass(around, self.towards(x, k), far).is_some()
+    }
+
+    /// The triangle's box seen from `x`, grown by the margin of grazing hits, and how far along the way to a cell it
+    /// counts.
+    pub fn grown_box(&self, t: &Prepared, x: Vector) -> ((Vector, Vector), f32) {
         let (margin, far) = match self.kind {
             Kind::Directions => (BOX_MARGIN * distance(t, x), f32::INFINITY),
             _ => (BOX_MARGIN * self.reach(x), 1.0),
         };
-        t.pass_box(x, d, margin, far).is_some()
+        (t.box_around(x, margin), far)
     }
 }
 

@@ -123,22 +123,33 @@ impl Prepared {
     /// Where the ray from `x` along `d` is within `margin` of the triangle's box, as distances in units of `d` between
     /// 0 and `far`.
     pub fn pass_box(&self, x: Vector, d: Vector, margin: f32, far: f32) -> Option<(f32, f32)> {
-        let (low, high) = self.bounds();
-        let (mut enter, mut leave) = (0.0f32, far);
-        for i in 0..3 {
-            let (low, high) = ((low[i] - x[i]) - margin, (high[i] - x[i]) + margin);
-            if d[i] == 0.0 {
-                if low > 0.0 || high < 0.0 {
-                    return None;
-                }
-            } else {
-                let (s, t) = (low / d[i], high / d[i]);
-                enter = enter.max(s.min(t));
-                leave = leave.min(s.max(t));
-            }
-        }
-        (enter <= leave).then_some((enter, leave))
+        pass(self.box_around(x, margin), d, far)
     }
+
+    /// The triangle's box seen from `x`, grown by `margin`.
+    #[inline(always)]
+    pub fn box_around(&self, x: Vector, margin: f32) -> (Vector, Vector) {
+        let (low, high) = self.bounds();
+        (std::array::from_fn(|i| (low[i] - x[i]) - margin), std::array::from_fn(|i| (high[i] - x[i]) + margin))
+    }
+}
+
+/// Where the ray from the origin along `d` is within the box, as distances in units of `d` between 0 and `far`.
+#[inline(always)]
+pub(crate) fn pass((low, high): (Vector, Vector), d: Vector, far: f32) -> Option<(f32, f32)> {
+    let (mut enter, mut leave) = (0.0f32, far);
+    for i in 0..3 {
+        if d[i] == 0.0 {
+            if low[i] > 0.0 || high[i] < 0.0 {
+                return None;
+            }
+        } else {
+            let (s, t) = (low[i] / d[i], high[i] / d[i]);
+            enter = enter.max(s.min(t));
+            leave = leave.min(s.max(t));
+        }
+    }
+    (enter <= leave).then_some((enter, leave))
 }
 
 /// The greatest of three. (`f32::max` would also look for NaN.)

@@ -150,17 +150,6 @@ impl Shaft {
         }
         bits
     }
-
-    /// Whether a box reaches into the shaft.
-    pub fn touches(&self, (low, high): (Vector, Vector)) -> bool {
-        let low: Vector = std::array::from_fn(|i| (low[i] - self.centre[i]).max(self.low[i]));
-        let high: Vector = std::array::from_fn(|i| (high[i] - self.centre[i]).min(self.high[i]));
-        (0..3).all(|i| low[i] <= high[i])
-            && self.planes[..self.count].iter().all(|plane| {
-                let n = plane.normal;
-                dot(n, std::array::from_fn(|i| if n[i] > 0.0 { low[i] } else { high[i] })) <= plane.offset
-            })
-    }
 }
 
 fn extend(bounds: &mut (Vector, Vector), p: Vector) {
