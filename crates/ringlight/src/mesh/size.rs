@@ -77,12 +77,14 @@ pub fn grids(lengths: [f64; 2], sizes: &Sizes) -> ([u16; 2], [u16; 2]) {
 }
 
 /// Sizes for the facets of a scene: those asked for, else by quality. The element size is the one at which the facets'
-/// area would give the quality's number of elements, no facet counting for more than an eighth of it, so that a field
-/// outside does not coarsen the room inside.
+/// area would give the quality's number of elements, no facet counting for much more of it than a twelfth (or its equal share
+/// among fewer facets), so that a field outside does not coarsen the room inside.
 pub fn choose(facets: &[Facet], quality: Quality, patch: Option<f64>, element: Option<f64>) -> Sizes {
     let target = quality.target_elements();
     let asked = patch.is_some() || element.is_some();
-    let facet_limit = if asked { u32::MAX } else { (target / 8.0) as u32 };
+    // Half as much again as an equal share, so that the target can be reached.
+    let limit = 1.5 * target / (facets.len() as f64).clamp(1.0, 12.0);
+    let facet_limit = if asked { u32::MAX } else { limit as u32 };
     let element = element.or(patch.map(|p| p / ELEMENTS_PER_PATCH)).unwrap_or_else(|| {
         let areas: Vec<f64> = facets
             .iter()
@@ -92,7 +94,7 @@ pub fn choose(facets: &[Facet], quality: Quality, patch: Option<f64>, element: O
         let (mut low, mut high) = (1e-9, 1e9);
         for _ in 0..100 {
             let middle = f64::sqrt(low * high);
-            let count: f64 = areas.iter().map(|a| (a / (middle * middle) - 1.0).clamp(0.0, target / 8.0)).sum();
+            let count: f64 = areas.iter().map(|a| (a / (middle * middle) - 1.0).clamp(0.0, limit)).sum();
             if count > target { low = middle } else { high = middle }
         }
         round_size(f64::sqrt(low * high))
@@ -120,6 +122,17 @@ mod tests {
         assert_eq!(grids([3.0, 2.1], &sizes), ([3, 3], [4, 3]));
         assert_eq!(grids([0.1, 0.1], &sizes), ([1, 1], [1, 1]));
         assert_eq!(grids([1.000_000_1, 0.3], &sizes), ([1, 1], [4, 2]));
+    }
+
+    #[test]
+    fn scenes_of_few_facets_get_sensible_sizes() {
+        use glam::Vec3;
+        let corners = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.0, -1.0), Vec3::NEG_Z];
+        let facet = Facet { corners, first_back_patch: crate::mesh::NONE, ..bytemuck::Zeroable::zeroed() };
+        for count in 1..20 {
+            let sizes = choose(&vec![facet; count], Quality::Draft, None, None);
+            assert!(sizes.element > 0.005 && sizes.element < 0.1, "{count} facets: {sizes:?}");
+        }
     }
 
     #[test]
