@@ -51,7 +51,7 @@ impl Tone {
         // What is a thousand times darker than the bright end does not count as darker still.
         let mean = lit.iter().map(|&l| libm::log(l.max(bright / 1e3))).sum::<f64>() / lit.len() as f64;
         let (dull, burnt) = match self {
-            Tone::Filmic => (0.5, 4.0),
+            Tone::Filmic => (0.5, 2.0),
             Tone::None => (0.5, 1.0),
         };
         let scale = (MIDDLE / libm::exp(mean)).clamp(dull / bright, burnt / bright);
