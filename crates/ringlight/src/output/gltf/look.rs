@@ -71,21 +71,24 @@ impl Look {
         }
     }
 
-    /// Moves brightness from the vertex colours, whose largest value is `peak`, to the factor, as far as both stay
-    /// within 1; gives the divisor of the vertex colours. So a dark surface in bright light is not clipped.
-    pub fn make_room(&mut self, peak: f32) -> f32 {
-        let largest = self.factor[..3].iter().fold(0.0f32, |a, &b| a.max(b));
-        let divisor = if largest > 0.0 { peak.min(1.0 / largest) } else { 1.0 };
-        // Not for the sake of rounding.
-        if divisor.is_nan() || divisor <= 1.001 {
-            return 1.0;
-        }
-        self.factor[..3].iter_mut().for_each(|f| *f = (*f * divisor).min(1.0));
-        divisor
+    /// Moves brightness from the vertex colours, whose largest values are `peak`, to the factor, as far as both stay within
+    /// 1; gives the divisors of the vertex colours. So a dark surface in bright light is not clipped, and a coloured one in
+    /// each channel only where it shows 1.
+    pub fn make_room(&mut self, peak: Rgb) -> Rgb {
+        std::array::from_fn(|c| {
+            let factor = &mut self.factor[c];
+            let divisor = if *factor > 0.0 { peak[c].min(1.0 / *factor) } else { 1.0 };
+            // Not for the sake of rounding.
+            if divisor.is_nan() || divisor <= 1.001 {
+                return 1.0;
+            }
+            *factor = (*factor * divisor).min(1.0);
+            divisor
+        })
     }
 
-    /// The material of glTF; `divisor` is what [`Look::make_room`] gave.
-    pub fn material(&self, solution: &Solution, surface: u32, divisor: f32, textures: &mut Textures<'_>) -> Value {
+    /// The material of glTF; `divisors` are what [`Look::make_room`] gave.
+    pub fn material(&self, solution: &Solution, surface: u32, divisors: Rgb, textures: &mut Textures<'_>) -> Value {
         let description = &solution.description;
         let material = &description.materials[description.surfaces[surface as usize].material as usize];
         let mut surface = json!({
@@ -111,8 +114,8 @@ impl Look {
         if let Some(extras) = &material.extras {
             made["extras"] = extras.clone();
         }
-        if divisor != 1.0 {
-            let note = json!({ "vertexColourDivisor": f64::from(divisor) });
+        if divisors != [1.0; 3] {
+            let note = json!({ "vertexColourDivisor": divisors.map(f64::from) });
             match &mut made["extras"] {
                 Value::Object(extras) => drop(extras.insert("ringlight".into(), note)),
                 Value::Null => made["extras"] = json!({ "ringlight": note }),

@@ -5,6 +5,7 @@ use super::look::{Kind, Look};
 use super::nodes;
 use super::piece::{Lit, Piece};
 use super::texture::Textures;
+use crate::quantity::Rgb;
 use glam::{DMat4, DVec3};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -18,7 +19,7 @@ pub struct Primitive {
     surface: u32,
     kind: Kind,
     look: Look,
-    divisor: f32,
+    divisors: Rgb,
     facets: Vec<u32>,
     /// Mesh frame to the node's space.
     local: DMat4,
@@ -80,7 +81,7 @@ impl<'a> Model<'a> {
             surface,
             kind,
             look: Look::new(solution, surface, kind, facets, &mut missing),
-            divisor: 1.0,
+            divisors: [1.0; 3],
             facets: facets.to_vec(),
             local: placed.unwrap_or(DMat4::IDENTITY) * origin,
             detached: placed.is_none(),
@@ -90,7 +91,7 @@ impl<'a> Model<'a> {
             high: [f32::NEG_INFINITY; 3],
             material: 0,
         };
-        let (mut peak, mut finite) = (0.0f32, true);
+        let (mut peak, mut finite) = ([0.0f32; 3], true);
         let (mut low, mut high) = (primitive.low, primitive.high);
         let (mut vertices, mut triangles) = (0, 0);
         primitive.pieces(self.lit, &mut |piece| {
@@ -102,7 +103,7 @@ impl<'a> Model<'a> {
                     (low[i], high[i]) = (low[i].min(x + 0.0), high[i].max(x + 0.0));
                     finite &= x.is_finite();
                 }
-                peak = vertex.colour[..3].iter().fold(peak, |a, &b| a.max(b));
+                peak = std::array::from_fn(|c| peak[c].max(vertex.colour[c]));
             }
             Ok(())
         })?;
@@ -117,8 +118,8 @@ impl<'a> Model<'a> {
         (primitive.low, primitive.high) = (low, high);
         // Again, so that only images count that something shown wanted.
         Look::new(solution, surface, kind, &[], &mut self.textures);
-        primitive.divisor = primitive.look.make_room(peak);
-        let material = primitive.look.material(solution, surface, primitive.divisor, &mut self.textures);
+        primitive.divisors = primitive.look.make_room(peak);
+        let material = primitive.look.material(solution, surface, primitive.divisors, &mut self.textures);
         primitive.material = self.materials.iter().position(|m| *m == material).unwrap_or_else(|| {
             self.materials.push(material);
             self.materials.len() - 1
@@ -323,7 +324,8 @@ impl Primitive {
             for vertex in &piece.vertices {
                 vertex.position.iter().for_each(|x| bytes.extend((x + 0.0).to_le_bytes()));
                 let [r, g, b, a] = vertex.colour;
-                let values = [r / self.divisor, g / self.divisor, b / self.divisor, a];
+                let [r, g, b] = [r / self.divisors[0], g / self.divisors[1], b / self.divisors[2]];
+                let values = [r, g, b, a];
                 values.iter().for_each(|v| bytes.extend(((v.min(1.0) * 65_535.0 + 0.5) as u16).to_le_bytes()));
                 if self.look.texture.is_some() {
                     vertex.uv.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
@@ -338,14 +340,12 @@ impl Primitive {
 
     fn count_clipped(&self, piece: &Piece, clipping: &mut Clipping) {
         // What rounds to 1 is not clipped.
-        let limit = 1.0001 * self.divisor;
+        let limits = self.divisors.map(|d| 1.0001 * d);
         for (area, corners) in &piece.elements {
             let colours = corners.map(|v| piece.vertices[v as usize].colour);
-            let share = |test: &dyn Fn(f32) -> bool| {
-                colours.iter().filter(|c| c[..3].iter().any(|&x| test(x))).count() as f64 / 4.0
-            };
-            clipping.lit += if share(&|x| x > 0.0) > 0.0 { *area } else { 0.0 };
-            clipping.clipped += area * share(&|x| x > limit);
+            let share = |above: Rgb| colours.iter().filter(|v| (0..3).any(|c| v[c] > above[c])).count() as f64 / 4.0;
+            clipping.lit += if share([0.0; 3]) > 0.0 { *area } else { 0.0 };
+            clipping.clipped += area * share(limits);
         }
     }
 

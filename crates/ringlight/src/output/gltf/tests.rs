@@ -204,9 +204,26 @@ fn the_clipped_share_counts_area_and_dark_surfaces_have_room() {
     assert!((file.report.clipped - 0.5).abs() < 0.08, "{}", file.report.clipped);
     let material = &file.document["materials"][0];
     assert_eq!(material["pbrMetallicRoughness"]["baseColorFactor"][0], 1.0);
-    assert_eq!(material["extras"]["ringlight"]["vertexColourDivisor"], 2.0);
+    assert_eq!(material["extras"]["ringlight"]["vertexColourDivisor"], serde_json::json!([2.0, 2.0, 2.0]));
     let colours = file.colours(file.primitives()[0]);
     assert!(colours.iter().any(|c| (c[0] - 0.5).abs() < 1e-4) && colours.iter().any(|c| c[0] == 1.0));
+}
+
+#[test]
+fn coloured_surfaces_are_clipped_where_a_channel_shows_one() {
+    let mut solution = placed_floor();
+    solution.description.materials[0].base_colour = [0.5, 0.25, 0.1, 1.0];
+    paint(&mut solution, |_, _| 5.0);
+    let file = write(&solution, &options(std::f32::consts::PI));
+    let material = &file.document["materials"][0];
+    let factor = |c: usize| material["pbrMetallicRoughness"]["baseColorFactor"][c].as_f64().unwrap();
+    for colour in file.colours(file.primitives()[0]) {
+        for (c, reflectance) in [0.5f64, 0.25, 0.1].into_iter().enumerate() {
+            let shown = factor(c) * f64::from(colour[c]);
+            assert!((shown - (5.0 * reflectance).min(1.0)).abs() < 1e-4, "channel {c} shows {shown}");
+        }
+    }
+    check_with_validator("coloured floor", &file.bytes);
 }
 
 #[test]
