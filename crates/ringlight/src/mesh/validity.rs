@@ -87,6 +87,12 @@ fn valid_samples(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, k: u32) -> u
     if middle >= wanted { samples } else { samples & !(1 << order(patch.frame.layout).0[0]) }
 }
 
+/// Whether a point of a patch sees nothing but backs and what touches it.
+pub fn is_covered(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3) -> bool {
+    let width = (patch.area / f64::from(patch.element_count())).sqrt();
+    look_about(mesh, hierarchy, patch, point, width) == View::Covered
+}
+
 /// What a sample sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum View {

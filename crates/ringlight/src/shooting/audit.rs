@@ -2,7 +2,7 @@
 
 use super::emitter::sine_cosine;
 use super::shot::{Shot, Source};
-use crate::mesh::{Mesh, RELATIVE_TOLERANCE};
+use crate::mesh::{Mesh, RELATIVE_TOLERANCE, is_covered};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Ray};
 
@@ -34,7 +34,17 @@ pub fn audit(mesh: &Mesh, hierarchy: &Hierarchy, shot: &Shot, rays: u32, centre:
             lost += 1.0;
             continue;
         };
-        follow(mesh, hierarchy, shot.shooter.plane, origin, direction, &mut fate);
+        let ray = follow(mesh, hierarchy, shot.shooter.plane, origin, direction);
+        // A patch's free samples are known to a sixteenth of an element: where it matters, look again.
+        if let (Source::Patch(source), true) = (&shot.source, ray != Fate::default())
+            && is_covered(mesh, hierarchy, &mesh.patch(source.patch), origin)
+        {
+            lost += 1.0;
+            continue;
+        }
+        fate.escaped += ray.escaped;
+        fate.escaped_at_once += ray.escaped_at_once;
+        fate.backs += ray.backs;
     }
     let sent = f64::from(rays) - lost;
     if sent > 0.0 {
@@ -107,7 +117,8 @@ fn start(
 }
 
 /// Follows one ray through see-through surfaces to where its light ends.
-fn follow(mesh: &Mesh, hierarchy: &Hierarchy, plane: u32, origin: DVec3, direction: DVec3, fate: &mut Fate) {
+fn follow(mesh: &Mesh, hierarchy: &Hierarchy, plane: u32, origin: DVec3, direction: DVec3) -> Fate {
+    let mut fate = Fate::default();
     let mut ray = Ray {
         origin: origin.as_vec3().to_array(),
         direction: direction.as_vec3().to_array(),
@@ -122,7 +133,7 @@ fn follow(mesh: &Mesh, hierarchy: &Hierarchy, plane: u32, origin: DVec3, directi
             if weight == 1.0 {
                 fate.escaped_at_once += 1.0;
             }
-            return;
+            return fate;
         };
         let number = hit.triangle >> 1;
         let facet = &mesh.facets[number as usize];
@@ -135,9 +146,10 @@ fn follow(mesh: &Mesh, hierarchy: &Hierarchy, plane: u32, origin: DVec3, directi
         }
         weight *= 1.0 - blocked;
         if weight < 1e-3 {
-            return;
+            return fate;
         }
         ray.near = hit.distance.next_up();
         ray.plane = NO_PLANE;
     }
+    fate
 }
