@@ -17,7 +17,8 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     let mut run = Run::begin(&arguments.running)?;
     let path = arguments.scene.as_path();
     outputs::check(&arguments.targets, &Others { scene: Some(path), ..run.others() })?;
-    let scene = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit))?;
+    let (scene, read) = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit))?;
+    outputs::check_inputs(&arguments.targets, &run.others(), &read)?;
     run.warn(&scene.warnings);
     outputs::check_camera(&arguments.display, &scene.cameras)?;
     let options = input::mesh_options(&arguments.sizes);
@@ -39,6 +40,12 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     });
     let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
     let state = State::new(&world);
+    if state.emitted <= 0.0 {
+        let mut dark = Warnings::default();
+        let message = "no light leaves the lamps: they are covered by other geometry, or shine past the scene";
+        dark.add("no-light-leaves", message, Place::new(path.display().to_string(), ""));
+        run.warn(&dark);
+    }
     let solved = run.solve(&description, &world, state, &arguments.stop);
     drop(world);
     let end = (solved.progress, solved.reason);
@@ -62,9 +69,9 @@ pub fn settings(method: &MethodArguments, quality: QualityChoice) -> SolveSettin
     SolveSettings { cells: method.cells.unwrap_or(input::default_cells(quality)), shoot, sky: method.sky }
 }
 
-/// What meshing left out, as warnings.
+/// What meshing changed or left out, as warnings.
 pub fn skipped(mesh: &Mesh) -> Warnings {
-    let mut warnings = Warnings::default();
+    let mut warnings = mesh.warnings.clone();
     for (reason, count) in &mesh.skipped {
         let message = match reason.as_str() {
             "sliver" => "triangles with almost no area are left out".into(),

@@ -6,6 +6,7 @@ use ringlight::resources::{Bytes, Resources};
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Component, Path, PathBuf};
+use std::sync::Mutex;
 
 /// The bytes of a file: mapped if it is a regular one, else read.
 pub fn open(path: &Path) -> io::Result<Bytes> {
@@ -32,12 +33,18 @@ pub fn folder_of(path: &Path) -> &Path {
 #[derive(Debug)]
 pub struct FileResources {
     folder: PathBuf,
+    opened: Mutex<Vec<PathBuf>>,
 }
 
 impl FileResources {
     /// The files beside the scene or solution at `path`.
     pub fn beside(path: &Path) -> io::Result<FileResources> {
-        Ok(FileResources { folder: folder_of(path).canonicalize()? })
+        Ok(FileResources { folder: folder_of(path).canonicalize()?, opened: Mutex::default() })
+    }
+
+    /// The files that have been read, without links.
+    pub fn opened(self) -> Vec<PathBuf> {
+        self.opened.into_inner().unwrap_or_default()
     }
 }
 
@@ -57,6 +64,9 @@ impl Resources for FileResources {
         // A pipe or a device in a scene's folder could keep us waiting for ever.
         if !resolved.metadata()?.is_file() {
             return refused("it is not a file");
+        }
+        if let Ok(mut opened) = self.opened.lock() {
+            opened.push(resolved.clone());
         }
         open(&resolved)
     }

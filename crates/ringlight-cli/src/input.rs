@@ -9,10 +9,10 @@ use ringlight::quantity::Rgb;
 use ringlight::resources::Resources;
 use ringlight::scene::{self, Image, Place, ReadOptions, Scene, SceneError};
 use ringlight::solution::{self, Solution};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Reads a scene.
-pub fn scene(path: &Path, unit: Option<UnitChoice>) -> Result<Scene, Failure> {
+/// Reads a scene; gives also the files that it refers to.
+pub fn scene(path: &Path, unit: Option<UnitChoice>) -> Result<(Scene, Vec<PathBuf>), Failure> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     if unit.is_some() && !name.to_ascii_lowercase().ends_with(".obj") {
         return Err(Failure::Usage(format!("{}: --unit is for OBJ; glTF lengths are metres", path.display())));
@@ -25,7 +25,9 @@ pub fn scene(path: &Path, unit: Option<UnitChoice>) -> Result<Scene, Failure> {
     };
     let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let resources = FileResources::beside(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    scene::read(&name, bytes, &resources, &ReadOptions { unit_in_metres }).map_err(|error| locate(error, path))
+    let options = ReadOptions { unit_in_metres };
+    let scene = scene::read(&name, bytes, &resources, &options).map_err(|error| locate(error, path))?;
+    Ok((scene, resources.opened()))
 }
 
 /// An error whose file can be found from where the user is: readers know files from the scene's folder only.
@@ -79,7 +81,7 @@ pub fn solution(path: &Path, scene_path: Option<&Path>) -> Result<Solution, Fail
     let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let mut solution = solution::read(&bytes).with_context(|| path.display().to_string())?;
     let images = match scene_path {
-        Some(scene_path) => scene(scene_path, None)?.images,
+        Some(scene_path) => scene(scene_path, None)?.0.images,
         None => images_beside(path, &solution),
     };
     solution.attach_images(&images);

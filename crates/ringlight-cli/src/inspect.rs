@@ -66,7 +66,7 @@ struct Forecast {
 /// Inspects.
 pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let path = arguments.scene.as_path();
-    let scene = input::scene(path, arguments.sizes.unit)?;
+    let (scene, _) = input::scene(path, arguments.sizes.unit)?;
     let options = input::mesh_options(&arguments.sizes);
     let mesh = mesh::build(&scene, &options).map_err(|error| input::locate(error, path))?;
     let settings = bake::settings(&arguments.method, arguments.sizes.quality);

@@ -122,6 +122,16 @@ pub fn check(targets: &Targets, others: &Others<'_>) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Whether no output overwrites a file that the scene was `read` from.
+pub fn check_inputs(targets: &Targets, others: &Others<'_>, read: &[PathBuf]) -> Result<(), Failure> {
+    let outputs = targets.output.iter().flat_map(Output::files);
+    let others = others.report.into_iter().chain(others.checkpoint).map(Path::to_owned);
+    match outputs.chain(others).find(|file| read.contains(&identity(file))) {
+        Some(file) => Err(Failure::Usage(format!("{} belongs to the scene; it would be overwritten", file.display()))),
+        None => Ok(()),
+    }
+}
+
 /// What makes two paths the same file, as far as can be told before it exists.
 fn identity(path: &Path) -> PathBuf {
     let folder = files::folder_of(path);

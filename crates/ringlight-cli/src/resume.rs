@@ -1,6 +1,7 @@
 //! `resume`: goes on from a solution, as if it had never stopped.
 
 use crate::arguments::Resume;
+use crate::bake;
 use crate::failure::{End, Failure};
 use crate::input;
 use crate::outputs::{self, Content, Others};
@@ -19,6 +20,7 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     outputs::check_camera(&arguments.display, &solution.description.cameras)?;
     // These were said when the scene was read.
     run.remember(&solution.description.warnings);
+    run.remember(&bake::skipped(&solution.mesh));
     run.warn(&outputs::missing_images(&solution, &arguments.targets));
     let Solution { description, mesh, settings, state, images, .. } = solution;
     let hierarchy = run.stage(Stage::Build, |_| mesh::hierarchy(&mesh));

@@ -186,7 +186,8 @@ impl<'a> Run<'a> {
             return Err(last.into());
         }
         self.say(&summary(&progress, reason, &self.seconds));
-        Ok(match reason {
+        // A signal that came while outputs were written counts as well.
+        Ok(match self.signals.reason().unwrap_or(reason) {
             StopReason::Converged | StopReason::NothingLeft | StopReason::MaxShots => End::Done,
             StopReason::TimeLimit => End::StoppedEarly,
             StopReason::Interrupted => End::Interrupted,

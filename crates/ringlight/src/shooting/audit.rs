@@ -1,6 +1,6 @@
 //! Where a shooter's light goes, by rays of its own: the audit is measured, never taken from the remainder.
 
-use super::emitter::sine_cosine;
+use super::emitter::{range_window, sine_cosine};
 use super::shot::{Shot, Source};
 use crate::mesh::{Mesh, RELATIVE_TOLERANCE, is_covered};
 use glam::{DVec2, DVec3};
@@ -9,7 +9,7 @@ use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Ray};
 /// Shares of a shot's power.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Fate {
-    /// Hits nothing, also behind see-through surfaces.
+    /// Hits nothing, also behind see-through surfaces; or is what a lamp's range cuts off.
     pub escaped: f64,
     /// Meets no surface at all.
     pub escaped_at_once: f64,
@@ -24,6 +24,10 @@ pub fn audit(mesh: &Mesh, hierarchy: &Hierarchy, shot: &Shot, rays: u32, centre:
     let weights: Vec<f64> = shot.light.iter().map(|l| l.iter().map(|&x| f64::from(x)).sum()).collect();
     let total: f64 = weights.iter().sum();
     let mut lost = 0.0;
+    let range = match shot.source {
+        Source::Point { range, .. } => range,
+        _ => f64::INFINITY,
+    };
     for i in 0..rays {
         let fraction = |g: f64| (0.5 + g * f64::from(i + 1)).fract();
         // Generators of the R4 sequence.
@@ -34,7 +38,7 @@ pub fn audit(mesh: &Mesh, hierarchy: &Hierarchy, shot: &Shot, rays: u32, centre:
             lost += 1.0;
             continue;
         };
-        let ray = follow(mesh, hierarchy, shot.shooter.plane, origin, direction);
+        let ray = follow(mesh, hierarchy, shot.shooter.plane, origin, direction, range);
         // A patch's free samples are known to a sixteenth of an element: where it matters, look again.
         if let (Source::Patch(source), true) = (&shot.source, ray != Fate::default())
             && is_covered(mesh, hierarchy, &mesh.patch(source.patch), origin)
@@ -117,7 +121,7 @@ fn start(
 }
 
 /// Follows one ray through see-through surfaces to where its light ends.
-fn follow(mesh: &Mesh, hierarchy: &Hierarchy, plane: u32, origin: DVec3, direction: DVec3) -> Fate {
+fn follow(mesh: &Mesh, hierarchy: &Hierarchy, plane: u32, origin: DVec3, direction: DVec3, range: f64) -> Fate {
     let mut fate = Fate::default();
     let mut ray = Ray {
         origin: origin.as_vec3().to_array(),
@@ -127,7 +131,7 @@ fn follow(mesh: &Mesh, hierarchy: &Hierarchy, plane: u32, origin: DVec3, directi
         plane,
     };
     let mut weight = 1.0;
-    for _ in 0..64 {
+    for surface in 0..64 {
         let Some(hit) = hierarchy.nearest_hit(&ray) else {
             fate.escaped += weight;
             if weight == 1.0 {
@@ -135,6 +139,11 @@ fn follow(mesh: &Mesh, hierarchy: &Hierarchy, plane: u32, origin: DVec3, directi
             }
             return fate;
         };
+        if surface == 0 {
+            let reaching = range_window(f64::from(hit.distance), range);
+            fate.escaped += 1.0 - reaching;
+            weight = reaching;
+        }
         let number = hit.triangle >> 1;
         let facet = &mesh.facets[number as usize];
         // A cut-out blocks wholly where it is hit.

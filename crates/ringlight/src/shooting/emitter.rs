@@ -75,6 +75,12 @@ pub fn skies(radiance: [f32; 3], side: u32, radius: f64) -> Vec<Emitter> {
         .collect()
 }
 
+/// Share of a lamp's light that its `range` leaves at `distance`, both in metres (KHR_lights_punctual).
+pub fn range_window(distance: f64, range: f64) -> f64 {
+    let x = (distance / range) * (distance / range);
+    (1.0 - x * x).clamp(0.0, 1.0)
+}
+
 /// Sine and cosine of `turns` whole turns in plain arithmetic: the same bits on every machine.
 pub fn sine_cosine(turns: f64) -> (f64, f64) {
     let quarter = (turns * 4.0).round();

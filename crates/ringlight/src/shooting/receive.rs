@@ -3,6 +3,7 @@
 //! Three steps: sample points that face the shooter are collected with the mask of cells above their horizon; visibility
 //! clears bits; form factors turn masks into light. The middle step knows no light, the others need no occluder.
 
+use super::emitter::range_window;
 use super::light::{ClusterLight, ElementLight, unshot_power};
 use super::shot::{PatchSource, Shot, Source};
 use crate::form_factor;
@@ -243,10 +244,7 @@ fn from_point(sample: &Sample, position: DVec3, cone: Option<(DVec3, f64, f64)>,
         return 0.0;
     }
     let mut factor = to.dot(sample.normal).max(0.0) / (r * r2);
-    if range.is_finite() {
-        let x = (r / range) * (r / range);
-        factor *= (1.0 - x * x).clamp(0.0, 1.0);
-    }
+    factor *= range_window(r, range);
     if let Some((axis, inner, outer)) = cone {
         let cosine = -to.dot(axis) / r;
         let ramp = ((cosine - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);

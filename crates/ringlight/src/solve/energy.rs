@@ -35,7 +35,7 @@ pub struct Energy {
     pub absorbed: f64,
     /// Absorbed by unlit backs.
     pub absorbed_by_backs: f64,
-    /// Left the scene.
+    /// Left the scene, or was cut off by its lamp's range.
     pub escaped: f64,
     /// Still to be shot.
     pub unshot: f64,

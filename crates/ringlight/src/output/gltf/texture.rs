@@ -1,6 +1,7 @@
 //! Textures, samplers and images that the lit model uses, each once.
 
-use crate::scene::{Texture, Wrap};
+use crate::scene::texture::TextureImage;
+use crate::scene::{Image, Texture, Wrap};
 use crate::solution::Solution;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -13,6 +14,9 @@ pub struct Textures<'a> {
     samplers: Vec<Value>,
     /// Images to embed, as numbers in the solution.
     images: Vec<u32>,
+    /// Images that can be used.
+    checked: BTreeSet<u32>,
+    /// Images that cannot.
     missing: BTreeSet<u32>,
 }
 
@@ -21,16 +25,33 @@ const WEBP: &str = "image/webp";
 impl<'a> Textures<'a> {
     /// None yet.
     pub fn new(solution: &'a Solution) -> Textures<'a> {
-        Textures { solution, textures: vec![], samplers: vec![], images: vec![], missing: BTreeSet::new() }
+        Textures {
+            solution,
+            textures: vec![],
+            samplers: vec![],
+            images: vec![],
+            checked: BTreeSet::new(),
+            missing: BTreeSet::new(),
+        }
     }
 
-    /// Whether the bytes of a texture's image are at hand; images that are not are counted.
+    /// Whether a texture's image is at hand and can be decoded; images that cannot be used are counted.
     pub fn usable(&mut self, texture: &Texture) -> bool {
-        let there = self.bytes(texture.image).is_some_and(|bytes| media_type(bytes).is_some());
-        if !there {
-            self.missing.insert(texture.image);
+        let number = texture.image;
+        if self.missing.contains(&number) || self.checked.contains(&number) {
+            return self.checked.contains(&number);
         }
-        there
+        let bytes = self.solution.images.get(number as usize).and_then(Option::as_ref);
+        let usable = bytes.is_some_and(|bytes| {
+            let image = Image { name: String::new(), media_type: String::new(), bytes: bytes.clone() };
+            media_type(bytes).is_some() && TextureImage::decode(&image).is_ok()
+        });
+        if usable {
+            self.checked.insert(number)
+        } else {
+            self.missing.insert(number)
+        };
+        usable
     }
 
     /// Number of images that were wanted and are not at hand.
