@@ -276,7 +276,6 @@ impl Mesh {
 
     /// Whether all numbers refer to something that is there; for meshes read from files.
     pub fn check(&self) -> Result<(), String> {
-        let facets = self.facets.len() as u64;
         let within = |index: u32, len: usize| index == NONE || (index as usize) < len;
         let mut elements = 0u64;
         for (f, facet) in self.facets.iter().enumerate() {
@@ -310,7 +309,17 @@ impl Mesh {
         if !(runs && ends && ordered) || elements != self.valid.len() as u64 {
             return Err("clusters do not cover the elements".into());
         }
-        if self.patch_facets.iter().any(|&c| u64::from(c >> 1) >= facets) {
+        let total = self.valid.len() as u64;
+        let belongs = |(id, &code): (usize, &u32)| {
+            let Some(facet) = self.facets.get((code >> 1) as usize) else { return false };
+            let (patch, element) = match code & 1 {
+                0 => (facet.first_patch, facet.first_element),
+                _ => (facet.first_back_patch, facet.first_back_element),
+            };
+            let last = u64::from(element) + u64::from(facet.element_count());
+            (id as u64).checked_sub(patch.into()).is_some_and(|k| k < facet.patch_count().into()) && last <= total
+        };
+        if !self.patch_facets.iter().enumerate().all(belongs) {
             return Err("a patch refers to a facet that is not there".into());
         }
         Ok(())

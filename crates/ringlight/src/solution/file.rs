@@ -248,6 +248,13 @@ pub fn read(bytes: &[u8]) -> Result<Solution, FileError> {
         let tail = bits.split_off(words);
         bitmaps.push(Arc::new(Bitmap { width, height, bits: std::mem::replace(&mut bits, tail) }));
     }
+    if header.cutout.iter().flatten().any(|&b| b as usize >= bitmaps.len()) {
+        return Err(damaged("bitmaps", "one is missing"));
+    }
+    let Description { nodes, materials, surfaces, .. } = &header.description;
+    if surfaces.iter().any(|s| s.material as usize >= materials.len() || s.node as usize >= nodes.len()) {
+        return Err(damaged("header", "a surface refers to what is not there"));
+    }
     let occluder = Occluder {
         coverage: header.coverage,
         cutout: header.cutout,
