@@ -5,16 +5,17 @@ mod scenes;
 mod test;
 mod tidy;
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use std::path::Path;
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 
 const HELP: &str = "\
 cargo xtask TASK
   test       everything that has to pass, the tests last
   tidy       the rules of the source tree (CONTRIBUTING.md)
   licences   the licences of all dependencies against deny.toml
-  scenes     write the generated files in scenes/";
+  scenes     write the generated files in scenes/
+  accuracy   measure the accuracy and write docs/accuracy.md; with names of suites: print those";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -34,10 +35,20 @@ fn run(arguments: &[&str]) -> Result<()> {
         ["tidy"] => tidy::run(root),
         ["licences"] => licences::run(root),
         ["scenes"] => scenes::run(&root.join("scenes")),
+        ["accuracy", suites @ ..] => accuracy(root, suites),
         [] => {
             println!("{HELP}");
             Ok(())
         }
         _ => bail!("{HELP}"),
     }
+}
+
+/// Runs the measurements of `benches/accuracy`.
+fn accuracy(root: &Path, suites: &[&str]) -> Result<()> {
+    let mut cargo = Command::new(env!("CARGO"));
+    cargo.args(["run", "--release", "--quiet", "--package", "ringlight-accuracy", "--"]).args(suites);
+    let status = cargo.current_dir(root).status().context("cargo cannot be run")?;
+    ensure!(status.success(), "the accuracy was not measured ({status})");
+    Ok(())
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// Modules of the library in the order in which data flows: each may name those before it.
-const ORDER: [&str; 15] = [
+const ORDER: [&str; 16] = [
     "quantity",
     "resources",
     "scene",
@@ -17,6 +17,7 @@ const ORDER: [&str; 15] = [
     "transport",
     "solve",
     "solution",
+    "smooth",
     "probe",
     "view_factor",
     "plan",

@@ -12,7 +12,8 @@ mod piece;
 mod tests;
 mod texture;
 
-use super::{Exposure, Smooth, ambient};
+use super::{Exposure, ambient};
+use crate::smooth::Smooth;
 use crate::solution::{self, Solution};
 use model::{Model, pad};
 use piece::Lit;

@@ -4,14 +4,13 @@ mod ambient;
 mod camera;
 mod exposure;
 #[cfg(test)]
-mod fixture;
+pub(crate) mod fixture;
 mod gltf;
 mod picture;
 pub mod report;
 #[cfg(test)]
 mod scenes;
 mod seen;
-mod smooth;
 mod table;
 mod vtu;
 
@@ -20,6 +19,5 @@ pub use camera::{CameraError, Projection, View};
 pub use exposure::Exposure;
 pub use gltf::{LitOptions, LitReport, write_glb, write_gltf};
 pub use picture::{FalseColour, Picture, PictureOptions, Scale, Tone, Unit, render, write_exr, write_png};
-pub use smooth::Smooth;
 pub use table::write_table;
 pub use vtu::write_vtu;

@@ -1,10 +1,10 @@
 //! The triangles of a facet with their displayed light.
 
-use super::super::smooth::Smooth;
-use super::super::smooth::lattice::Lattice;
 use super::look::{Kind, Look};
 use crate::mesh::{Colour, Facet, Frame, NONE, Patch};
 use crate::quantity::Rgb;
+use crate::smooth::Smooth;
+use crate::smooth::lattice::Lattice;
 use crate::solution::Solution;
 use glam::{DMat4, DVec2};
 use ringlight_visibility::Layout;

@@ -2,10 +2,10 @@
 
 use super::texture::Textures;
 use crate::mesh::{Facet, Mesh, NONE, OPAQUE_COVERAGE};
-use crate::output::Smooth;
 use crate::output::seen::{Seen, look};
 use crate::quantity::{MAX_REFLECTANCE, Rgb, photometric};
 use crate::scene::{Alpha, Material};
+use crate::smooth::Smooth;
 use crate::solution::Solution;
 use ringlight_visibility::{Hierarchy, Ray};
 use std::f32::consts::PI;

@@ -13,7 +13,7 @@
 
 mod field;
 mod fill;
-pub(in crate::output) mod lattice;
+pub(crate) mod lattice;
 mod places;
 #[cfg(test)]
 mod tests;
@@ -108,7 +108,7 @@ impl<'a> Smooth<'a> {
     }
 
     /// Whether a wall cuts a corner of an element off from the vertex it shares.
-    pub(in crate::output) fn is_split(&self, element: u32) -> bool {
+    pub(crate) fn is_split(&self, element: u32) -> bool {
         !self.splits(element).is_empty()
     }
 

@@ -1,5 +1,4 @@
 //! Scenes from OBJ text, solved in memory.
-#![allow(dead_code)]
 
 use ringlight::mesh::{self, Mesh, MeshOptions};
 use ringlight::resources::{Bytes, Resources};
@@ -99,11 +98,15 @@ impl Builder {
 
 /// A meshed scene.
 pub struct Meshed {
+    /// As read.
     pub scene: Scene,
+    /// Cut into patches and elements.
     pub mesh: Mesh,
+    /// What blocks light.
     pub hierarchy: Hierarchy,
 }
 
+/// Cuts a scene into patches and elements of these sizes, metres.
 pub fn meshed(scene: Scene, patch: f64, element: f64) -> Meshed {
     let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
     let mut mesh = mesh::build(&scene, &options).unwrap();
@@ -113,12 +116,14 @@ pub fn meshed(scene: Scene, patch: f64, element: f64) -> Meshed {
 }
 
 impl Meshed {
+    /// What is solved, with this many cells of a shooter.
     pub fn world(&self, cells: u32) -> World<'_> {
         let settings = SolveSettings { cells, shoot: Shoot::Elements, sky: None };
         World::new(&self.mesh, &self.hierarchy, &self.scene.lights, settings)
     }
 }
 
+/// Plain progressive refinement until this share of the power is unshot.
 pub fn solve(world: &World<'_>, until: f64) -> (State, StopReason, Progress) {
     let mut state = State::new(world);
     let stop = StopRule { until, max_shots: None };

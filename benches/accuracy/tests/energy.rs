@@ -1,9 +1,7 @@
 //! Energy: what is sent out is absorbed, escapes or is left; nothing else.
 
-mod common;
-
-use common::{Builder, meshed, solve};
 use ringlight::scene::{Light, LightKind};
+use ringlight_accuracy::scene::{Builder, meshed, solve};
 
 fn room(builder: &mut Builder) {
     builder.cuboid([0.0; 3], [4.0, 3.0, 4.0], true, |b| b.material([0.7, 0.6, 0.5], [0.0; 3]));

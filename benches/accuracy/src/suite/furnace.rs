@@ -1,9 +1,41 @@
 //! Furnaces: closed scenes whose radiosity is known everywhere.
 
-mod common;
-
-use common::{Builder, Meshed, meshed, solve};
+use crate::scene::{Builder, Meshed, meshed, solve};
+use crate::{Bound, Row, Section};
 use ringlight::solve::State;
+
+/// Manufactured furnace, at two element sizes.
+pub fn measure() -> Section {
+    let mut section = Section {
+        title: "Furnaces".into(),
+        text: "Closed rooms with boxes in them, any reflectance ρ and exitance 1 − ρ: B = 1 everywhere, whatever the geometry. \
+               M = 64 cells, until 0.0001 of the power is unshot. Deviations of B from 1 over all elements and channels."
+            .into(),
+        ..Section::default()
+    };
+    let mut last = f64::INFINITY;
+    for element in [0.4, 0.2] {
+        let scene = manufactured(element);
+        let world = scene.world(64);
+        let (state, _, _) = solve(&world, 1e-4);
+        let d = deviations(&scene, &state);
+        let rms = (d.iter().map(|x| x * x).sum::<f64>() / d.len() as f64).sqrt();
+        let energy = state.energy(&world);
+        let mut row = |case: &str, expected: f64, found: f64, bound: Bound| {
+            section.rows.push(Row { case: format!("elements {element} m: {case}"), expected, found, bound });
+        };
+        row("rms", 0.003, rms, Bound::AtMost);
+        if last.is_finite() {
+            row("rms, no larger than with larger elements", last, rms, Bound::AtMost);
+        }
+        row("99.9 % of the elements within", 0.01, d[d.len() * 999 / 1000].abs(), Bound::AtMost);
+        row("worst", 0.04, d[d.len() - 1].abs(), Bound::AtMost);
+        row("closure error", 0.0, energy.closure_error, Bound::Absolute(0.005));
+        row("escaped", 0.0, energy.escaped, Bound::Absolute(0.0));
+        last = rms;
+    }
+    section
+}
 
 /// Random numbers in 0…1, always the same.
 fn random(seed: &mut u64) -> f32 {
@@ -13,7 +45,7 @@ fn random(seed: &mut u64) -> f32 {
 
 /// Manufactured furnace: any reflectance ρ and exitance 1 − ρ, so that B = ρ·1 + (1 − ρ) = 1 solves the radiosity equation
 /// for any closed geometry: every point then sees B = 1 in all directions, E = 1.
-fn furnace(element: f64) -> Meshed {
+fn manufactured(element: f64) -> Meshed {
     let mut seed = 7;
     let mut builder = Builder::default();
     let mut material = |b: &mut Builder| {
@@ -42,29 +74,4 @@ fn deviations(scene: &Meshed, state: &State) -> Vec<f64> {
     }
     found.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
     found
-}
-
-#[test]
-fn manufactured_furnace_with_occluders_has_radiosity_one_everywhere() {
-    let mut last = f64::INFINITY;
-    for element in [0.4, 0.2] {
-        let scene = furnace(element);
-        let world = scene.world(64);
-        let (state, _, progress) = solve(&world, 1e-4);
-        let d = deviations(&scene, &state);
-        let rms = (d.iter().map(|x| x * x).sum::<f64>() / d.len() as f64).sqrt();
-        let (most, worst) = (d[d.len() * 999 / 1000].abs(), d[d.len() - 1].abs());
-        let energy = state.energy(&world);
-        println!(
-            "element {element}: {} elements, {} shots, {} rays, rms {rms:.5}, 99.9 % within {most:.5}, worst {worst:.5}, {energy:?}",
-            scene.mesh.element_count(),
-            progress.shots,
-            progress.rays
-        );
-        assert!(rms < last, "refinement must lower the error");
-        last = rms;
-        assert!(rms <= 0.003 && most <= 0.01 && worst <= 0.04, "{rms} {most} {worst}");
-        assert!(energy.closure_error.abs() < 0.005);
-        assert_eq!(energy.escaped, 0.0);
-    }
 }

@@ -1,0 +1,1 @@
+//! Light at points that are no elements: work planes, calculation grids, comparisons.
