@@ -15,8 +15,14 @@ pub fn run(root: &Path) -> Result<()> {
     tidy::run(root)?;
     println!("== licences");
     licences::run(root)?;
-    cargo("lints", "clippy --workspace --all-targets --quiet -- -D warnings")?;
-    let mut documentation = command(root, env!("CARGO"), "doc --workspace --no-deps --quiet");
+    let packages = if tools.mpi {
+        "--workspace"
+    } else {
+        println!("== ringlight-mpi: left out, because mpicc, mpirun or libclang is missing ({MPI_PACKAGES})");
+        "--workspace --exclude ringlight-mpi"
+    };
+    cargo("lints", &format!("clippy {packages} --all-targets --quiet -- -D warnings"))?;
+    let mut documentation = command(root, env!("CARGO"), &format!("doc {packages} --no-deps --quiet"));
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     step("documentation", documentation)?;
     if tools.node {
@@ -24,11 +30,12 @@ pub fn run(root: &Path) -> Result<()> {
     } else {
         println!("== scenes: not validated, because Node.js and npm are missing");
     }
-    cargo("examples in the documentation", "test --workspace --doc --release --quiet")?;
+    cargo("examples in the documentation", &format!("test {packages} --doc --release --quiet"))?;
     if tools.nextest {
-        cargo("tests", "nextest run --workspace --release --no-fail-fast")
+        cargo("tests", &format!("nextest run {packages} --release --no-fail-fast"))
     } else {
-        cargo("tests (cargo-nextest is missing)", "test --workspace --all-targets --release --no-fail-fast")
+        let words = format!("test {packages} --all-targets --release --no-fail-fast");
+        cargo("tests (cargo-nextest is missing)", &words)
     }
 }
 
@@ -36,7 +43,11 @@ pub fn run(root: &Path) -> Result<()> {
 struct Tools {
     node: bool,
     nextest: bool,
+    mpi: bool,
 }
+
+/// Debian's names of what ringlight-mpi needs.
+const MPI_PACKAGES: &str = "libopenmpi-dev openmpi-bin libclang-dev";
 
 impl Tools {
     /// Looks for the tools. Installs what is missing where that is expected (`CI=true`).
@@ -51,8 +62,27 @@ impl Tools {
         if installs && !has_nextest() {
             works(command(here, env!("CARGO"), "install cargo-nextest --locked --quiet"));
         }
-        Tools { node: has_node(), nextest: has_nextest() }
+        let has_mpi = || {
+            works(command(here, "mpicc", "--version")) && works(command(here, "mpirun", "--version")) && has_libclang()
+        };
+        if installs && !has_mpi() && works(command(here, "apt-get", "update")) {
+            works(command(here, "apt-get", &format!("install --yes --no-install-recommends {MPI_PACKAGES}")));
+        }
+        Tools { node: has_node(), nextest: has_nextest(), mpi: has_mpi() }
     }
+}
+
+/// Whether the library is there that reads MPI's headers at build time: where its own variable says, in the folders of
+/// Debian's versions, or where the linker looks.
+fn has_libclang() -> bool {
+    let versions = fs::read_dir("/usr/lib").into_iter().flatten().flatten().map(|entry| entry.path());
+    let llvm = versions.filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("llvm-")));
+    let holds = |folder: &Path| folder.join("libclang.so").exists() || folder.join("libclang.so.1").exists();
+    std::env::var_os("LIBCLANG_PATH").is_some()
+        || llvm.map(|path| path.join("lib")).any(|folder| holds(&folder))
+        || ["/usr/lib", "/usr/lib64", "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu"]
+            .iter()
+            .any(|folder| holds(Path::new(folder)))
 }
 
 /// Checks the generated scenes with the Khronos validator, which is installed under `target/tools`.

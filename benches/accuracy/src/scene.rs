@@ -5,7 +5,7 @@ use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene};
 use ringlight::shooting::Shoot;
 use ringlight::solve::{self, Control, Progress, SolveSettings, State, StopReason, StopRule, World};
-use ringlight::transport::Alone;
+use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::fmt::Write;
 
@@ -128,6 +128,7 @@ pub fn solve(world: &World<'_>, until: f64) -> (State, StopReason, Progress) {
     let mut state = State::new(world);
     let stop = StopRule { until, max_shots: None };
     let (reason, progress) =
-        solve::plain(world, &mut state, &stop, &mut Alone::default(), &mut |_, _| Control::Continue);
+        solve::plain(world, &mut state, &stop, &mut Communicator::alone(), &mut |_, _| Control::Continue)
+            .expect("one rank does not fail");
     (state, reason, progress)
 }

@@ -46,7 +46,7 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
         dark.add("no-light-leaves", message, Place::new(path.display().to_string(), ""));
         run.warn(&dark);
     }
-    let solved = run.solve(&description, &world, state, &arguments.stop);
+    let solved = run.solve(&description, &world, state, &arguments.stop)?;
     drop(world);
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };

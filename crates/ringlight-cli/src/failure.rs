@@ -1,6 +1,7 @@
 //! How the command ends.
 
 use ringlight::scene::SceneError;
+use ringlight::transport;
 use std::fmt;
 use std::process::ExitCode;
 
@@ -64,6 +65,12 @@ impl fmt::Display for Failure {
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Failure {
         Failure::Scene(error)
+    }
+}
+
+impl From<transport::Failure> for Failure {
+    fn from(failure: transport::Failure) -> Failure {
+        Failure::Other(failure.into())
     }
 }
 

@@ -13,7 +13,7 @@ use ringlight::scene::{LightKind, Scene, Surface};
 use ringlight::shooting::{self, ElementLight, PatchLight};
 use ringlight::solution::Description;
 use ringlight::solve::{self, Control, SolveSettings, State, StopReason, StopRule, World};
-use ringlight::transport::Alone;
+use ringlight::transport::Communicator;
 use ringlight_visibility::Triangle;
 use serde::Serialize;
 use std::fmt::Write;
@@ -73,7 +73,7 @@ pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let mut inspection = Inspection::new(path, &scene, &mesh, &settings);
     inspection.warnings.extend(warnings(&bake::skipped(&mesh)));
     if input::has_light(&scene, &mesh, settings.sky) {
-        inspection.forecast = Some(forecast(&scene, mesh, settings, arguments));
+        inspection.forecast = Some(forecast(&scene, mesh, settings, arguments)?);
     }
     let text = if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(anyhow::Error::new)?;
@@ -191,22 +191,24 @@ fn memory(mesh: &Mesh) -> u64 {
 }
 
 /// Foretells the solve; the speed is that of a trial, or as given.
-fn forecast(scene: &Scene, mut mesh: Mesh, settings: SolveSettings, arguments: &Inspect) -> Forecast {
+fn forecast(scene: &Scene, mut mesh: Mesh, settings: SolveSettings, arguments: &Inspect) -> Result<Forecast, Failure> {
     let sky = settings.sky.map_or(0, |radiance| shooting::skies(radiance, 1, 1.0).len());
     let work = estimate::work(&mesh, scene.lights.len() + sky, settings.cells, arguments.until);
     let measured = arguments.rays_per_second.is_none();
-    let rays_per_second = arguments.rays_per_second.unwrap_or_else(|| {
+    let rays_per_second = if let Some(given) = arguments.rays_per_second {
+        given
+    } else {
         let hierarchy = mesh::hierarchy(&mesh);
         mesh::find_valid_samples(&mut mesh, &hierarchy);
         let world = World::new(&mesh, &hierarchy, &scene.lights, settings);
         let mut state = State::new(&world);
         let rule = StopRule { until: arguments.until, max_shots: None };
         let start = Instant::now();
-        let (_, progress) = solve::plain(&world, &mut state, &rule, &mut Alone::default(), &mut |_, _| {
+        let (_, progress) = solve::plain(&world, &mut state, &rule, &mut Communicator::alone(), &mut |_, _| {
             if start.elapsed().as_secs_f64() < TRIAL { Control::Continue } else { Control::Stop(StopReason::TimeLimit) }
-        });
+        })?;
         progress.rays as f64 / start.elapsed().as_secs_f64()
-    });
+    };
     let seconds = work.rays / rays_per_second.max(1.0);
-    Forecast { until: arguments.until, shots: work.shots, rays: work.rays, rays_per_second, measured, seconds }
+    Ok(Forecast { until: arguments.until, shots: work.shots, rays: work.rays, rays_per_second, measured, seconds })
 }

@@ -28,7 +28,7 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     if state.emitters_shot as usize > world.emitters.len() {
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }
-    let solved = run.solve(&description, &world, state, &arguments.stop);
+    let solved = run.solve(&description, &world, state, &arguments.stop)?;
     drop(world);
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };

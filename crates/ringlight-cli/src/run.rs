@@ -14,7 +14,7 @@ use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, 
 use ringlight::scene::{Place, Warnings};
 use ringlight::solution::{self, Description, Snapshot, Solution};
 use ringlight::solve::{self, Control, Energy, Progress, SolveSettings, State, StopReason, StopRule, World};
-use ringlight::transport::Alone;
+use ringlight::transport::Communicator;
 use std::io::Write;
 use std::time::Instant;
 
@@ -108,28 +108,28 @@ impl<'a> Run<'a> {
         world: &World<'_>,
         mut state: State,
         stop: &StopArguments,
-    ) -> Solved {
+    ) -> Result<Solved, Failure> {
         let rule = StopRule { until: stop.until, max_shots: stop.max_shots };
         let arguments = self.arguments;
         let mut checkpoint = arguments.checkpoint.as_ref().map(Checkpoint::new);
         let (reason, progress) = self.stage(Stage::Solve, |run| {
-            let result = solve::plain(world, &mut state, &rule, &mut Alone::default(), &mut |state, progress| {
+            let result = solve::plain(world, &mut state, &rule, &mut Communicator::alone(), &mut |state, progress| {
                 run.reporter.shot(progress, stop, false);
                 if let Some(checkpoint) = &mut checkpoint {
                     checkpoint.write_if_due(description, world, state);
                 }
                 run.control(stop)
-            });
+            })?;
             run.reporter.shot(&result.1, stop, true);
-            result
-        });
+            Ok::<_, Failure>(result)
+        })?;
         if let Some(Checkpoint { failed: Some(error), .. }) = checkpoint {
             let mut warnings = Warnings::default();
             warnings.add("checkpoint-failed", format!("a checkpoint failed: {error}"), Place::default());
             self.warn(&warnings);
         }
         let energy = state.energy(world);
-        Solved { state, energy, progress, reason }
+        Ok(Solved { state, energy, progress, reason })
     }
 
     fn control(&self, stop: &StopArguments) -> Control {

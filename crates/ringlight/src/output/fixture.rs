@@ -6,7 +6,7 @@ use crate::scene::{self, ReadOptions, Scene};
 use crate::shooting::Shoot;
 use crate::solution::{Description, Solution};
 use crate::solve::{self, Control, Energy, SolveSettings, State, StopRule, World};
-use crate::transport::Alone;
+use crate::transport::Communicator;
 use std::io;
 
 /// Materials: `grey`, `white`, `mirror` (too bright), `black`, `lamp`, `glow` (Ke 1, Kd 0.5).
@@ -38,7 +38,8 @@ pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
     let world = World::new(&mesh, &hierarchy, &scene.lights, settings);
     let mut state = State::new(&world);
     let stop = StopRule { until, max_shots: None };
-    solve::plain(&world, &mut state, &stop, &mut Alone::default(), &mut |_, _| Control::Continue);
+    solve::plain(&world, &mut state, &stop, &mut Communicator::alone(), &mut |_, _| Control::Continue)
+        .expect("one rank does not fail");
     let images = scene.images.iter().map(|i| Some(i.bytes.clone())).collect();
     let energy = Energy::default();
     Solution { description: Description::new(scene), mesh, settings, state, energy, images }

@@ -2,35 +2,36 @@
 
 use super::{Control, Progress, State, StopReason, StopRule, World};
 use crate::shooting::{self, Shot, Work};
-use crate::transport::{Transport, all_reduce};
+use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
 
 /// Tag of the messages that choose the next shooter.
 const CHOOSE: u32 = 1;
 
-/// Shoots until `stop` or the observer ends it. The observer is called before the first shot and after every shot.
+/// Shoots until `stop` or the observer ends it. The observer is called before the first shot and after every shot. An error
+/// says which rank failed.
 pub fn plain(
     world: &World<'_>,
     state: &mut State,
     stop: &StopRule,
-    transport: &mut dyn Transport,
+    ranks: &mut Communicator<'_>,
     observer: &mut dyn FnMut(&State, &Progress) -> Control,
-) -> (StopReason, Progress) {
+) -> Result<(StopReason, Progress), Failure> {
     let mut progress = Progress::default();
     loop {
         progress.shots = state.shots;
         progress.unshot_share = if state.emitted > 0.0 { state.unshot(world) / state.emitted } else { 0.0 };
         if let Control::Stop(reason) = observer(state, &progress) {
-            return (reason, progress);
+            return Ok((reason, progress));
         }
         if stop.max_shots.is_some_and(|n| state.shots >= n) {
-            return (StopReason::MaxShots, progress);
+            return Ok((StopReason::MaxShots, progress));
         }
         if progress.unshot_share <= stop.until && !emission_waits(world, state) {
-            return (StopReason::Converged, progress);
+            return Ok((StopReason::Converged, progress));
         }
-        let Some(shot) = take_next(world, state, transport) else {
-            return (StopReason::NothingLeft, progress);
+        let Some(shot) = take_next(world, state, ranks)? else {
+            return Ok((StopReason::NothingLeft, progress));
         };
         receive_everywhere(world, state, &shot, &mut progress);
         audit(world, state, &shot);
@@ -46,10 +47,10 @@ fn emission_waits(world: &World<'_>, state: &State) -> bool {
 
 /// Takes the next shot out of the unshot light: first the lights that are no surfaces, then always the patch with the most
 /// unshot power, the lower id among equals.
-fn take_next(world: &World<'_>, state: &mut State, transport: &mut dyn Transport) -> Option<Shot> {
+fn take_next(world: &World<'_>, state: &mut State, ranks: &mut Communicator<'_>) -> Result<Option<Shot>, Failure> {
     if let Some(emitter) = world.emitters.get(state.emitters_shot as usize) {
         state.emitters_shot += 1;
-        return Some(emitter.clone());
+        return Ok(Some(emitter.clone()));
     }
     let mesh = world.mesh;
     let best = state
@@ -65,10 +66,10 @@ fn take_next(world: &World<'_>, state: &mut State, transport: &mut dyn Transport
                 .fold(Offer::NONE, |best, (p, id)| best.better(Offer::new(p.unshot_power, id)))
         })
         .reduce(|| Offer::NONE, Offer::better);
-    let best = Offer(u128::from_le_bytes(all_reduce(transport, CHOOSE, best.0.to_le_bytes(), |a, b| {
+    let best = Offer(u128::from_le_bytes(ranks.all_reduce(CHOOSE, best.0.to_le_bytes(), |a, b| {
         Offer(u128::from_le_bytes(a)).better(Offer(u128::from_le_bytes(b))).0.to_le_bytes()
-    })));
-    let id = best.patch()?;
+    })?));
+    let Some(id) = best.patch() else { return Ok(None) };
     let cluster = mesh.cluster_of(id);
     let index = (id - mesh.clusters[cluster].patches.start) as usize;
     let patch = mesh.patch(id);
@@ -81,7 +82,7 @@ fn take_next(world: &World<'_>, state: &mut State, transport: &mut dyn Transport
         element.shot = element.mean();
         element.unshot = [0.0; 3];
     }
-    Some(shot)
+    Ok(Some(shot))
 }
 
 /// A patch offered as the next shooter, as a number that is larger for the better one: power first (non-negative floats

@@ -1,10 +1,17 @@
 //! The seam between ranks. Messages are bytes; this module knows no light.
 //!
-//! Today there is one implementation, [`Alone`]: a world of one rank. The solver is written against the trait.
+//! A [`Transport`] carries messages: [`Alone`] for a world of one rank, [`threads`] for ranks in one process, and MPI in a
+//! crate of its own. A [`Communicator`] is what the solver speaks to: messages sorted by sender and tag, collective
+//! operations, and an end that all ranks share. [`conformance`] holds what every transport must pass.
 
 mod alone;
+mod collective;
+mod communicator;
+pub mod conformance;
+pub mod threads;
 
 pub use alone::Alone;
+pub use communicator::{Communicator, Traffic};
 
 /// A message between ranks.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,41 +24,35 @@ pub struct Message {
     pub bytes: Vec<u8>,
 }
 
-/// Carries messages between the ranks of a world. Messages from one rank to another with one tag arrive in order; sending
-/// never blocks.
+/// The largest tag that may be sent: MPI promises no more than 2¹⁵ tags, and some are kept for the transports' own use.
+pub const MAX_TAG: u32 = 32_000;
+
+/// Carries messages between the ranks of a world.
+///
+/// Messages from one rank to another arrive complete and in the order in which they were sent. Nothing is said of
+/// messages from different ranks.
 pub trait Transport {
     /// This rank.
     fn rank(&self) -> usize;
     /// Number of ranks.
     fn size(&self) -> usize;
-    /// Sends to a rank, maybe to itself.
+    /// Sends to a rank, maybe to itself. Never waits for the receiver, however much is under way.
     fn send(&mut self, to: usize, tag: u32, bytes: Vec<u8>);
-    /// The next message that has arrived, if any.
+    /// The next message, if one has arrived.
     fn receive(&mut self) -> Option<Message>;
+    /// Waits for the next message, asleep for most of the time.
+    fn wait(&mut self) -> Message;
+    /// Told that some rank has failed, so that all others are about to end; and, with `false`, that all have ended. In
+    /// between, a transport that can end ranks from outside may do so when they do not answer.
+    fn hurry(&mut self, _hurry: bool) {}
 }
 
-/// Joins one value of each rank into the same result on all; `join` must be commutative and associative. Every rank must
-/// call it, with the same `tag`, and no other messages may be under way.
-pub fn all_reduce<const N: usize>(
-    transport: &mut dyn Transport,
-    tag: u32,
-    value: [u8; N],
-    join: impl Fn([u8; N], [u8; N]) -> [u8; N],
-) -> [u8; N] {
-    let this = transport.rank();
-    for to in (0..transport.size()).filter(|&to| to != this) {
-        transport.send(to, tag, value.to_vec());
-    }
-    let mut joined = value;
-    let mut missing = transport.size() - 1;
-    while missing > 0 {
-        if let Some(message) = transport.receive()
-            && message.tag == tag
-            && let Ok(other) = <[u8; N]>::try_from(message.bytes.as_slice())
-        {
-            joined = join(joined, other);
-            missing -= 1;
-        }
-    }
-    joined
+/// A rank has failed, and with it the world.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("rank {rank}: {message}")]
+pub struct Failure {
+    /// The rank that failed; the lowest, if several did.
+    pub rank: usize,
+    /// What it said.
+    pub message: String,
 }

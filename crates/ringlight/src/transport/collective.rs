@@ -1,0 +1,71 @@
+//! Operations in which every rank takes part.
+//!
+//! They may follow each other without a pause, and other messages may be under way: each step waits for one rank, and
+//! messages from one rank with one tag come in order.
+
+use super::{Communicator, Failure};
+
+impl Communicator<'_> {
+    /// Joins one value of each rank into the same result on all; `join` must be commutative and associative. Takes
+    /// log₂ of the number of ranks messages from each (recursive doubling: Thakur, Rabenseifner & Gropp 2005, section 4).
+    pub fn all_reduce<const N: usize>(
+        &mut self,
+        tag: u32,
+        value: [u8; N],
+        join: impl Fn([u8; N], [u8; N]) -> [u8; N],
+    ) -> Result<[u8; N], Failure> {
+        let (rank, size) = (self.rank(), self.size());
+        // The largest power of two; ranks beyond it hand their value in and get the result back.
+        let core = 1 << size.ilog2();
+        if rank >= core {
+            self.send(rank - core, tag, value.to_vec());
+            return self.wait_for_value(rank - core, tag);
+        }
+        let mut joined = value;
+        if rank + core < size {
+            joined = join(joined, self.wait_for_value(rank + core, tag)?);
+        }
+        let mut distance = 1;
+        while distance < core {
+            let partner = rank ^ distance;
+            self.send(partner, tag, joined.to_vec());
+            joined = join(joined, self.wait_for_value(partner, tag)?);
+            distance *= 2;
+        }
+        if rank + core < size {
+            self.send(rank + core, tag, joined.to_vec());
+        }
+        Ok(joined)
+    }
+
+    /// Gives the bytes of rank `root` to all (along a binomial tree); what others pass is ignored.
+    pub fn broadcast(&mut self, root: usize, tag: u32, bytes: Vec<u8>) -> Result<Vec<u8>, Failure> {
+        let size = self.size();
+        let place = (self.rank() + size - root) % size;
+        let rank_of = |place: usize| (place + root) % size;
+        let mut bytes = bytes;
+        // The lowest set bit of a place says from where it gets the bytes; it passes them on along the bits below.
+        let mut bit = 1;
+        while bit < size && place & bit == 0 {
+            bit *= 2;
+        }
+        if place != 0 {
+            bytes = self.wait_for(rank_of(place - bit), tag)?;
+        }
+        while bit > 1 {
+            bit /= 2;
+            if place + bit < size {
+                self.send(rank_of(place + bit), tag, bytes.clone());
+            }
+        }
+        Ok(bytes)
+    }
+
+    fn wait_for_value<const N: usize>(&mut self, from: usize, tag: u32) -> Result<[u8; N], Failure> {
+        let bytes = self.wait_for(from, tag)?;
+        <[u8; N]>::try_from(bytes.as_slice()).map_err(|_| Failure {
+            rank: self.rank(),
+            message: format!("a message from rank {from} with tag {tag} has {} bytes, expected {N}", bytes.len()),
+        })
+    }
+}
