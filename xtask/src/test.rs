@@ -15,7 +15,7 @@ pub fn run(root: &Path) -> Result<()> {
     tidy::run(root)?;
     println!("== licences");
     licences::run(root)?;
-    let packages = if tools.mpi {
+    let packages = if tools.message_passing {
         "--workspace"
     } else {
         println!("== ringlight-mpi: left out, because mpicc, mpirun or libclang is missing ({MPI_PACKAGES})");
@@ -43,7 +43,7 @@ pub fn run(root: &Path) -> Result<()> {
 struct Tools {
     node: bool,
     nextest: bool,
-    mpi: bool,
+    message_passing: bool,
 }
 
 /// Debian's names of what ringlight-mpi needs.
@@ -68,7 +68,7 @@ impl Tools {
         if installs && !has_mpi() && works(command(here, "apt-get", "update")) {
             works(command(here, "apt-get", &format!("install --yes --no-install-recommends {MPI_PACKAGES}")));
         }
-        Tools { node: has_node(), nextest: has_nextest(), mpi: has_mpi() }
+        Tools { node: has_node(), nextest: has_nextest(), message_passing: has_mpi() }
     }
 }
 

@@ -39,7 +39,12 @@ impl Shaft {
             extend(&mut points, packet.point(lane));
             reach = reach.max(packet.reach[lane]);
         }
-        let mut bits = packet.union();
+        Shaft::between(plan, points, reach, packet.union(), scene)
+    }
+
+    /// From the box `points` to the cells `bits`; `reach` is the largest [`Plan::reach`] of any point.
+    pub fn between(plan: &Plan, points: (Vector, Vector), reach: f32, bits: u64, scene: &Bounds) -> Shaft {
+        let (mut bits, mut reach) = (bits, reach);
         let mut cells = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         while bits != 0 {
             extend(&mut cells, plan.cells[bits.trailing_zeros() as usize]);
@@ -120,6 +125,14 @@ impl Shaft {
         self.count += 1;
     }
 
+    /// Whether a box reaches into the shaft; a scalar twin of [`Shaft::children`].
+    pub fn meets(&self, low: Vector, high: Vector) -> bool {
+        let low: Vector = std::array::from_fn(|i| self.low[i].max(low[i] - self.centre[i]));
+        let high: Vector = std::array::from_fn(|i| self.high[i].min(high[i] - self.centre[i]));
+        let least = |n: Vector| dot(n, std::array::from_fn(|i| if n[i] > 0.0 { low[i] } else { high[i] }));
+        (0..3).all(|i| high[i] >= low[i]) && self.planes[..self.count].iter().all(|p| p.offset >= least(p.normal))
+    }
+
     /// The children of `node` that reach into the shaft, as bits.
     #[inline(always)]
     pub fn children<S: Machine>(&self, simd: S, node: &Node) -> u32 {
@@ -152,7 +165,7 @@ impl Shaft {
     }
 }
 
-fn extend(bounds: &mut (Vector, Vector), p: Vector) {
+pub(crate) fn extend(bounds: &mut (Vector, Vector), p: Vector) {
     for (i, c) in p.into_iter().enumerate() {
         bounds.0[i] = bounds.0[i].min(c);
         bounds.1[i] = bounds.1[i].max(c);
