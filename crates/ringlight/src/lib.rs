@@ -2,7 +2,7 @@
 //!
 //! The modules in the order in which data flows: [`scene`] (bytes → checked scene) → [`mesh`] (patches, elements, sample
 //! points, clusters) → [`form_factor`] → [`shooting`] → [`solve`] → [`solution`] → [`smooth`] → [`probe`] → [`output`].
-//! [`view_factor`] uses the same primitives without light.
+//! [`view_factor`] uses the same primitives without light; [`ring`] and [`transport`] let many ranks hold one scene.
 
 pub mod form_factor;
 pub mod mesh;
@@ -10,6 +10,7 @@ pub mod output;
 pub mod probe;
 pub mod quantity;
 pub mod resources;
+pub mod ring;
 pub mod scene;
 pub mod shooting;
 pub mod smooth;

@@ -1,10 +1,12 @@
 //! Progressive refinement: choose, shoot, receive, until it is good.
 
 mod energy;
+mod exchange;
 mod plain;
 mod state;
 
 pub use energy::{Energy, ExactSum};
+pub use exchange::{Exchange, Work};
 pub use plain::plain;
 pub use state::{State, World};
 

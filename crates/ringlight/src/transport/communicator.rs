@@ -92,39 +92,36 @@ impl<'a> Communicator<'a> {
 
     /// The next message that has arrived, if any; an error once any rank has failed.
     pub fn receive(&mut self) -> Result<Option<Message>, Failure> {
-        while let Some(message) = self.transport.receive() {
-            self.sort(message);
-        }
-        self.check()?;
-        Ok(self.aside.pop_front())
+        self.receive_where(|_| true)
     }
 
     /// Waits for the next message; an error once any rank has failed.
     pub fn wait(&mut self) -> Result<Message, Failure> {
-        loop {
-            if let Some(message) = self.receive()? {
-                return Ok(message);
-            }
-            self.wait_for_more()?;
-        }
+        self.wait_where(|_| true)
     }
 
     /// Waits for the next message of one rank with one tag. Others stay for later.
     pub fn wait_for(&mut self, from: usize, tag: u32) -> Result<Vec<u8>, Failure> {
-        let mut seen = 0;
+        Ok(self.wait_where(|message| message.from == from && message.tag == tag)?.bytes)
+    }
+
+    /// The first message that has arrived and fits, if any. Others stay for later.
+    pub fn receive_where(&mut self, fits: impl Fn(&Message) -> bool) -> Result<Option<Message>, Failure> {
+        while let Some(message) = self.transport.receive() {
+            self.sort(message);
+        }
+        self.check()?;
+        let place = self.aside.iter().position(fits);
+        Ok(place.and_then(|place| self.aside.remove(place)))
+    }
+
+    /// Waits for a message that fits. Others stay for later.
+    pub fn wait_where(&mut self, fits: impl Fn(&Message) -> bool) -> Result<Message, Failure> {
         loop {
-            self.check()?;
-            let fits = |m: &Message| m.from == from && m.tag == tag;
-            if let Some(place) = self.aside.iter().skip(seen).position(fits)
-                && let Some(message) = self.aside.remove(seen + place)
-            {
-                return Ok(message.bytes);
+            if let Some(message) = self.receive_where(&fits)? {
+                return Ok(message);
             }
-            seen = self.aside.len();
-            match self.transport.receive() {
-                Some(message) => self.sort(message),
-                None => self.wait_for_more()?,
-            }
+            self.wait_for_more()?;
         }
     }
 

@@ -1,0 +1,19 @@
+//! Rings: ranks that together hold the whole geometry once, and the way of packets of sample points among them.
+//!
+//! Everything here is decided by numbers, boxes and masks: what is done with a mask is not this module's business. The
+//! state machines take events and give actions; they know no clock and send nothing themselves, so that a simulator
+//! drives the same code as real ranks do. `README.md` beside this file explains the pipeline.
+
+mod packet;
+mod partition;
+mod pipeline;
+mod routing;
+mod shard;
+#[cfg(test)]
+mod simulator;
+
+pub use packet::{Malformed, Packet, Parcel};
+pub use partition::{Rings, owners};
+pub use pipeline::{Action, Pipeline, Visits};
+pub use routing::{Routing, Sight};
+pub use shard::{Bounds, Piece, Shards, deal, outline};

@@ -1,0 +1,156 @@
+//! Shards: who of a ring's members holds which triangles, and what the others know of it.
+
+use super::partition::owners;
+
+/// An axis-aligned box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Least coordinates, metres.
+    pub low: [f32; 3],
+    /// Greatest coordinates, metres.
+    pub high: [f32; 3],
+}
+
+/// A piece of geometry that is held, and moved, as a whole.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Piece {
+    /// Box around its triangles.
+    pub bounds: Bounds,
+    /// Number of its triangles.
+    pub triangles: u32,
+}
+
+/// How geometry is dealt out to the members of a ring.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shards {
+    /// Compact in space, so that many packets pass by most members.
+    #[default]
+    Spatial,
+    /// Pseudo-random (the paper's way): every packet finds the same work everywhere.
+    Random,
+}
+
+impl Bounds {
+    /// Holds nothing.
+    pub const EMPTY: Bounds = Bounds { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
+
+    /// Around both.
+    pub fn join(self, other: Bounds) -> Bounds {
+        Bounds {
+            low: std::array::from_fn(|i| self.low[i].min(other.low[i])),
+            high: std::array::from_fn(|i| self.high[i].max(other.high[i])),
+        }
+    }
+
+    /// Around points.
+    pub fn around(points: impl IntoIterator<Item = [f32; 3]>) -> Bounds {
+        points.into_iter().fold(Bounds::EMPTY, |bounds, p| bounds.join(Bounds { low: p, high: p }))
+    }
+}
+
+/// The member, of so many, that holds each piece; about equally many triangles each.
+pub fn deal(pieces: &[Piece], members: usize, shards: Shards) -> Vec<u32> {
+    match shards {
+        Shards::Random => owners(&pieces.iter().map(|p| u64::from(p.triangles)).collect::<Vec<_>>(), members),
+        Shards::Spatial => {
+            let mut holders = vec![0; pieces.len()];
+            let mut order: Vec<u32> = (0..pieces.len() as u32).collect();
+            bisect(pieces, &mut order, 0, members, &mut holders);
+            holders
+        }
+    }
+}
+
+/// At most so many boxes that together hold the pieces, near ones in one box: what all ranks know of a shard.
+pub fn outline(pieces: &[Piece], boxes: usize) -> Vec<Bounds> {
+    let mut outline = vec![Bounds::EMPTY; boxes];
+    for (&part, piece) in deal(pieces, boxes, Shards::Spatial).iter().zip(pieces) {
+        outline[part as usize] = outline[part as usize].join(piece.bounds);
+    }
+    outline.retain(|bounds| *bounds != Bounds::EMPTY);
+    outline
+}
+
+/// Deals the pieces of `order` to `members` members from `first` on: cuts along the longest extent of the pieces' middles,
+/// so that both sides have triangles in proportion to their members.
+fn bisect(pieces: &[Piece], order: &mut [u32], first: u32, members: usize, holders: &mut [u32]) {
+    if members <= 1 || order.is_empty() {
+        order.iter().for_each(|&p| holders[p as usize] = first);
+        return;
+    }
+    let middle = |p: u32| {
+        let Bounds { low, high } = pieces[p as usize].bounds;
+        std::array::from_fn::<f32, 3, _>(|i| 0.5 * low[i] + 0.5 * high[i])
+    };
+    let Bounds { low, high } = Bounds::around(order.iter().map(|&p| middle(p)));
+    let axis = (0..3).max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b]))).unwrap_or(0);
+    order.sort_unstable_by(|&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.cmp(&b)));
+    let triangles = |p: u32| u64::from(pieces[p as usize].triangles);
+    let left_members = members / 2;
+    let total: u64 = order.iter().map(|&p| triangles(p)).sum();
+    let share = total * left_members as u64 / members as u64;
+    let mut sum = 0;
+    // A piece on the cut goes where most of it lies.
+    let is_left = |&&p: &&u32| {
+        sum += triangles(p);
+        2 * sum <= 2 * share + triangles(p)
+    };
+    let cut = order.iter().take_while(is_left).count();
+    let (left, right) = order.split_at_mut(cut);
+    bisect(pieces, left, first, left_members, holders);
+    bisect(pieces, right, first + left_members as u32, members - left_members, holders);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn piece(low: [f32; 3], size: f32, triangles: u32) -> Piece {
+        Piece { bounds: Bounds { low, high: low.map(|c| c + size) }, triangles }
+    }
+
+    proptest! {
+        #[test]
+        fn every_member_holds_its_share(
+            pieces in prop::collection::vec((prop::array::uniform3(-9f32..9.0), 0f32..2.0, 1u32..64), 0..600),
+            members in 1usize..20,
+            random: bool,
+        ) {
+            let pieces: Vec<Piece> = pieces.into_iter().map(|(low, size, n)| piece(low, size, n)).collect();
+            let holders = deal(&pieces, members, if random { Shards::Random } else { Shards::Spatial });
+            let mut held = vec![0u32; members];
+            holders.iter().zip(&pieces).for_each(|(&m, p)| held[m as usize] += p.triangles);
+            let total: u32 = pieces.iter().map(|p| p.triangles).sum();
+            prop_assert_eq!(held.iter().sum::<u32>(), total);
+            // Each of the cuts, of which a member has at most log₂ of their number, may be off by half a piece.
+            let mean = f64::from(total) / members as f64;
+            let slack = 64.0 * (1.0 + f64::from(members.ilog2()) / 2.0);
+            prop_assert!(held.iter().all(|&n| (f64::from(n) - mean).abs() <= slack), "{:?}", held);
+        }
+
+        #[test]
+        fn outlines_hold_their_pieces(
+            pieces in prop::collection::vec((prop::array::uniform3(-9f32..9.0), 0f32..2.0, 1u32..64), 0..200),
+            boxes in 1usize..20,
+        ) {
+            let pieces: Vec<Piece> = pieces.into_iter().map(|(low, size, n)| piece(low, size, n)).collect();
+            let outline = outline(&pieces, boxes);
+            prop_assert!(outline.len() <= boxes);
+            let holds = |b: &Bounds, p: &Bounds| (0..3).all(|i| b.low[i] <= p.low[i] && b.high[i] >= p.high[i]);
+            prop_assert!(pieces.iter().all(|p| outline.iter().any(|b| holds(b, &p.bounds))));
+        }
+    }
+
+    #[test]
+    fn spatial_shards_are_compact() {
+        let pieces: Vec<Piece> =
+            (0..4096).map(|i| piece([i % 16, i / 16 % 16, i / 256].map(|c| c as f32), 1.0, 2)).collect();
+        let holders = deal(&pieces, 8, Shards::Spatial);
+        for member in 0..8 {
+            let held = pieces.iter().zip(&holders).filter(|(_, m)| **m == member);
+            let Bounds { low, high } = held.fold(Bounds::EMPTY, |b, (p, _)| b.join(p.bounds));
+            assert_eq!(std::array::from_fn::<_, 3, _>(|i| high[i] - low[i]), [8.0; 3]);
+        }
+    }
+}

@@ -1,0 +1,249 @@
+//! Drives the pipelines of many ranks in a random order, and compares the masks with those of one hierarchy.
+
+#[path = "../../../ringlight-visibility/tests/common/mod.rs"]
+mod common;
+
+use super::{Action, Bounds, Packet, Parcel, Piece, Pipeline, Rings, Routing, Shards, Sight, deal, outline};
+use common::{Place, Random, Samples, filters, samples, shooter, triangles};
+use proptest::prelude::*;
+use ringlight_visibility::{Filter, Hierarchy, Shooter, Triangle};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// A random scene and some shots in it, each with points that have to know what they see.
+struct Task {
+    triangles: Vec<Triangle>,
+    filters: Vec<Filter>,
+    shots: Vec<(Shooter, Samples)>,
+}
+
+/// How it is done.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    ranks: usize,
+    rings: usize,
+    shards: Shards,
+    routing: Routing,
+    packet_size: usize,
+    window: usize,
+    /// Boxes that describe a shard.
+    boxes: usize,
+}
+
+/// One simulated rank.
+struct Rank {
+    pipeline: Pipeline,
+    shard: Hierarchy,
+    /// First rank of its ring.
+    first: usize,
+    outlines: Arc<Vec<Vec<Bounds>>>,
+    /// Shots it has been told of; they come in order.
+    known: usize,
+    /// Own packets that wait for their shot and for room.
+    waiting: VecDeque<Packet>,
+}
+
+/// What a simulation saw.
+#[derive(Debug, Default)]
+struct Outcome {
+    /// Masks of each shot's points.
+    masks: Vec<Vec<u64>>,
+    packets: u64,
+    tested: u64,
+    messages: u64,
+}
+
+impl Task {
+    fn random(seed: u64) -> Task {
+        let random = &mut Random(seed);
+        let place = Place::random(random);
+        let filters = filters(random);
+        let triangles = triangles(random, place, 250, filters.len());
+        let shots = (0..3)
+            .map(|_| {
+                let parts: Vec<Samples> = (0..4).map(|_| samples(random, place)).collect();
+                let points: Vec<[f32; 3]> =
+                    parts.iter().flat_map(|s| (0..s.x.len()).map(|i| s.points().at(i))).collect();
+                (shooter(random, place), Samples::new(&points, parts.iter().flat_map(|s| s.plane.clone()).collect()))
+            })
+            .collect();
+        Task { triangles, filters, shots }
+    }
+
+    /// What one hierarchy says.
+    fn expected(&self) -> Vec<Vec<u64>> {
+        let whole = Hierarchy::build(self.triangles.clone(), self.filters.clone());
+        let masks = |(shooter, samples): &(Shooter, Samples)| {
+            let mut masks = vec![shooter.cells.all(); samples.x.len()];
+            whole.clear_blocked(shooter, samples.points(), &mut masks);
+            masks
+        };
+        self.shots.iter().map(masks).collect()
+    }
+
+    /// The hierarchy and the boxes of each member of a ring.
+    fn shards(&self, way: &Way, members: usize) -> Vec<(Hierarchy, Vec<Bounds>)> {
+        let piece = |t: &Triangle| Piece { bounds: Bounds::around(t.corners), triangles: 1 };
+        let pieces: Vec<Piece> = self.triangles.iter().map(piece).collect();
+        let holders = deal(&pieces, members, way.shards);
+        (0..members as u32)
+            .map(|member| {
+                let held: Vec<_> = (0..pieces.len()).filter(|&i| holders[i] == member).collect();
+                let triangles = held.iter().map(|&i| self.triangles[i]).collect();
+                let pieces: Vec<_> = held.iter().map(|&i| pieces[i]).collect();
+                (Hierarchy::build(triangles, self.filters.clone()), outline(&pieces, way.boxes))
+            })
+            .collect()
+    }
+
+    /// Ranks that know no shot yet; every packet belongs to a random one.
+    fn ranks(&self, way: &Way, random: &mut Random) -> Vec<Rank> {
+        let rings = Rings::new(way.ranks, way.rings).expect("so many rings can be");
+        let mut ranks = Vec::new();
+        for ring in 0..way.rings {
+            let members = rings.members(ring);
+            let (shards, outlines): (Vec<_>, Vec<_>) = self.shards(way, members.len()).into_iter().unzip();
+            let outlines = Arc::new(outlines);
+            ranks.extend(shards.into_iter().enumerate().map(|(place, shard)| Rank {
+                pipeline: Pipeline::new(place, way.routing, way.window),
+                shard,
+                first: members.start,
+                outlines: outlines.clone(),
+                known: 0,
+                waiting: VecDeque::new(),
+            }));
+        }
+        for (shot, (shooter, samples)) in self.shots.iter().enumerate() {
+            for start in (0..samples.x.len()).step_by(way.packet_size) {
+                let range = start..samples.x.len().min(start + way.packet_size);
+                ranks[random.below(way.ranks)].waiting.push_back(Packet {
+                    shot: shot as u64,
+                    home: 0,
+                    ticket: start as u32,
+                    x: samples.x[range.clone()].to_vec(),
+                    y: samples.y[range.clone()].to_vec(),
+                    z: samples.z[range.clone()].to_vec(),
+                    plane: samples.plane[range.clone()].to_vec(),
+                    masks: vec![shooter.cells.all(); range.len()],
+                });
+            }
+        }
+        ranks
+    }
+
+    /// Lets the ranks work, in a random order of everything, until nothing is left to do.
+    fn simulate(&self, way: &Way, random: &mut Random) -> Outcome {
+        let mut ranks = self.ranks(way, random);
+        let mut masks: Vec<Vec<u64>> = self.shots.iter().map(|(_, samples)| vec![0; samples.x.len()]).collect();
+        // Messages may even overtake each other.
+        let mut under_way: Vec<(usize, Vec<u8>)> = Vec::new();
+        let mut outcome = Outcome::default();
+        let packets: usize = ranks.iter().map(|rank| rank.waiting.len()).sum();
+        let mut turns = 0;
+        while outcome.packets < packets as u64 {
+            turns += 1;
+            // Some thousand turns per packet are usual at most: shots become known late, packets wait for room.
+            assert!(turns < 1_000_000 + 10_000 * packets, "the ranks wait for each other: {way:?}");
+            let number = random.below(ranks.len());
+            if random.below(2) == 0 && !under_way.is_empty() {
+                let (to, bytes) = under_way.swap_remove(random.below(under_way.len()));
+                ranks[to].pipeline.receive(Parcel::from_bytes(&bytes).expect("a parcel"));
+                continue;
+            }
+            let rank = &mut ranks[number];
+            if rank.known < self.shots.len() && random.below(10) == 0 {
+                let shooter = self.shots[rank.known].0.clone();
+                rank.pipeline.begin(rank.known as u64, Sight { shooter, outlines: rank.outlines.clone() });
+                rank.known += 1;
+            }
+            if let Some(packet) = rank.waiting.front()
+                && packet.shot < rank.known as u64
+                && rank.pipeline.has_room()
+            {
+                rank.pipeline.submit(rank.waiting.pop_front().expect("there is one"));
+            }
+            let members = rank.outlines.len();
+            assert!(rank.pipeline.held() <= members * way.window, "more packets than all windows let through");
+            assert!(rank.pipeline.in_flight() <= way.window);
+            let Some(action) = rank.pipeline.poll() else { continue };
+            match action {
+                Action::Send { to, parcel } => under_way.push((rank.first + to, parcel.to_bytes())),
+                Action::Test(mut packet) => {
+                    let mut cleared = std::mem::take(&mut packet.masks);
+                    let shooter = &self.shots[packet.shot as usize].0;
+                    rank.shard.clear_blocked(shooter, packet.points(), &mut cleared);
+                    packet.masks = cleared;
+                    rank.pipeline.tested(packet);
+                }
+                Action::Finish { shot, ticket, masks: found } => {
+                    let start = ticket as usize;
+                    masks[shot as usize][start..start + found.len()].copy_from_slice(&found);
+                    outcome.packets += 1;
+                }
+            }
+        }
+        assert!(under_way.is_empty());
+        for rank in &ranks {
+            assert!(rank.waiting.is_empty() && rank.pipeline.held() == 0 && rank.pipeline.in_flight() == 0);
+            outcome.tested += rank.pipeline.visits().tested;
+            outcome.messages += rank.pipeline.visits().sent;
+        }
+        assert_eq!(outcome.packets, ranks.iter().map(|rank| rank.pipeline.visits().own).sum::<u64>());
+        Outcome { masks, ..outcome }
+    }
+}
+
+const RINGS: [(usize, usize); 11] =
+    [(1, 1), (2, 1), (2, 2), (3, 1), (3, 2), (4, 1), (4, 2), (6, 4), (8, 1), (8, 3), (16, 5)];
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn masks_are_those_of_one_hierarchy(seed: u64) {
+        let task = Task::random(seed);
+        let expected = task.expected();
+        let random = &mut Random(seed ^ 1);
+        for (ranks, rings) in RINGS {
+            for packet_size in [1, 7, 200] {
+                let shards = [Shards::Spatial, Shards::Random][random.below(2)];
+                let routing = [Routing::Boxes, Routing::All][random.below(2)];
+                let (window, boxes) = (1 + random.below(5), 1 + random.below(9));
+                let way = Way { ranks, rings, shards, routing, packet_size, window, boxes };
+                let outcome = task.simulate(&way, random);
+                prop_assert_eq!(&outcome.masks, &expected, "seed {}, {:?}", seed, way);
+                let members = ranks.div_ceil(rings) as u64;
+                prop_assert!(outcome.tested <= members * outcome.packets, "{:?}", outcome);
+                if members == 1 {
+                    prop_assert_eq!(outcome.messages, 0);
+                }
+            }
+        }
+    }
+}
+
+/// The paper's way visits every member while anything is seen; ours passes by many.
+#[test]
+fn boxes_spare_visits() {
+    let (mut all, mut boxes, mut packets) = (0, 0, 0);
+    for seed in 0..10 {
+        let task = Task::random(seed);
+        let way = Way {
+            ranks: 8,
+            rings: 1,
+            shards: Shards::Spatial,
+            routing: Routing::All,
+            packet_size: 7,
+            window: 3,
+            boxes: 8,
+        };
+        let random = &mut Random(seed);
+        let outcomes = [Routing::All, Routing::Boxes].map(|routing| task.simulate(&Way { routing, ..way }, random));
+        assert_eq!(outcomes[0].masks, outcomes[1].masks);
+        all += outcomes[0].tested;
+        boxes += outcomes[1].tested;
+        packets += outcomes[0].packets;
+    }
+    assert!(all > 4 * packets, "{all} visits of {packets} packets");
+    assert!(boxes < all, "{boxes} visits with boxes, {all} without");
+}

@@ -1,0 +1,153 @@
+//! Visibility over a ring: the pipeline of `ring`, driven over the communicator.
+
+use crate::ring::{Action, Bounds, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
+use crate::transport::{Communicator, Failure, Message};
+use ringlight_visibility::Shooter;
+use std::sync::Arc;
+
+/// Tag of packets between members of a ring.
+const PARCEL: u32 = 2;
+
+/// Tag of a member's word to the first of its ring that its own packets are home.
+const HOME: u32 = 3;
+
+/// Tag of the first member's word that all are.
+const ALL_HOME: u32 = 4;
+
+/// This rank's place among those that hold the geometry with it.
+pub struct Exchange {
+    pipeline: Pipeline,
+    /// First rank of the ring, which consists of consecutive ranks.
+    first: usize,
+    outlines: Arc<Vec<Vec<Bounds>>>,
+}
+
+/// What a rank does for a shot, besides sending and waiting.
+pub trait Work {
+    /// The next packet of this rank, if there is another.
+    fn next(&mut self) -> Option<Packet>;
+    /// Clears the bits that the geometry held here blocks.
+    fn test(&mut self, packet: &mut Packet);
+    /// Takes the final masks of a packet that [`Work::next`] gave.
+    fn finish(&mut self, ticket: u32, masks: Vec<u64>);
+}
+
+impl Exchange {
+    /// Of rank `rank`; `outlines` are the boxes around the shards of its ring's members. At most `window` own packets are
+    /// under way at a time.
+    pub fn new(
+        rings: Rings,
+        rank: usize,
+        outlines: Arc<Vec<Vec<Bounds>>>,
+        routing: Routing,
+        window: usize,
+    ) -> Exchange {
+        let members = rings.members(rings.ring_of(rank));
+        assert_eq!(members.len(), outlines.len(), "every member of the ring has its boxes");
+        let pipeline = Pipeline::new(rank - members.start, routing, window);
+        Exchange { pipeline, first: members.start, outlines }
+    }
+
+    /// Counts so far.
+    pub fn visits(&self) -> Visits {
+        self.pipeline.visits()
+    }
+
+    /// Sees to the visibility of one shot: every rank of the ring calls it, and it returns when the packets of all are
+    /// home. Work for others comes before own work that would only wait for them.
+    pub fn see(
+        &mut self,
+        ranks: &mut Communicator<'_>,
+        shot: u64,
+        shooter: &Shooter,
+        work: &mut dyn Work,
+    ) -> Result<(), Failure> {
+        self.pipeline.begin(shot, Sight { shooter: shooter.clone(), outlines: self.outlines.clone() });
+        let mut more = true;
+        let mut over = Over::new(self.first, self.outlines.len());
+        while !over.everywhere {
+            // Once a shot is over, the next word of the same kind is of the next shot.
+            while !over.everywhere
+                && let Some(message) = ranks.receive_where(is_ours)?
+            {
+                self.take(ranks, message, &mut over)?;
+            }
+            while more && self.pipeline.has_room() {
+                match work.next() {
+                    Some(packet) => self.pipeline.submit(Packet { shot, ..packet }),
+                    None => more = false,
+                }
+            }
+            match self.pipeline.poll() {
+                Some(Action::Send { to, parcel }) => ranks.send(self.first + to, PARCEL, parcel.to_bytes()),
+                Some(Action::Test(mut packet)) => {
+                    work.test(&mut packet);
+                    self.pipeline.tested(packet);
+                }
+                Some(Action::Finish { ticket, masks, .. }) => work.finish(ticket, masks),
+                _ if over.everywhere => {}
+                None if !more && self.pipeline.in_flight() == 0 && !over.here => over.is_over_here(ranks),
+                None => {
+                    let message = ranks.wait_where(is_ours)?;
+                    self.take(ranks, message, &mut over)?;
+                }
+            }
+        }
+        self.pipeline.end(shot);
+        Ok(())
+    }
+
+    fn take(&mut self, ranks: &mut Communicator<'_>, message: Message, over: &mut Over) -> Result<(), Failure> {
+        match message.tag {
+            PARCEL => match Parcel::from_bytes(&message.bytes) {
+                Ok(parcel) => self.pipeline.receive(parcel),
+                Err(error) => {
+                    return Err(Failure {
+                        rank: ranks.rank(),
+                        message: format!("from rank {}: {error}", message.from),
+                    });
+                }
+            },
+            HOME => over.is_over_at_another(ranks),
+            _ => over.everywhere = true,
+        }
+        Ok(())
+    }
+}
+
+fn is_ours(message: &Message) -> bool {
+    [PARCEL, HOME, ALL_HOME].contains(&message.tag)
+}
+
+/// When a shot is over: a member whose packets are home says so to the first, which tells all once it has heard of all.
+struct Over {
+    first: usize,
+    members: usize,
+    /// Members known to be done; counted by the first.
+    done: usize,
+    here: bool,
+    everywhere: bool,
+}
+
+impl Over {
+    fn new(first: usize, members: usize) -> Over {
+        Over { first, members, done: 0, here: false, everywhere: false }
+    }
+
+    fn is_over_here(&mut self, ranks: &mut Communicator<'_>) {
+        self.here = true;
+        if ranks.rank() == self.first {
+            self.is_over_at_another(ranks);
+        } else {
+            ranks.send(self.first, HOME, Vec::new());
+        }
+    }
+
+    fn is_over_at_another(&mut self, ranks: &mut Communicator<'_>) {
+        self.done += 1;
+        if self.done == self.members {
+            (1..self.members).for_each(|place| ranks.send(self.first + place, ALL_HOME, Vec::new()));
+            self.everywhere = true;
+        }
+    }
+}
