@@ -35,8 +35,8 @@ impl Routing {
         if self == Routing::All {
             return Some(from);
         }
-        let scene = sight.outlines.iter().flatten().fold(Bounds::EMPTY, |all, &bounds| all.join(bounds));
-        let region = Region::new(&sight.shooter, packet.points(), &packet.masks, [scene.low, scene.high]);
+        let all = sight.outlines.iter().flatten().fold(Bounds::EMPTY, |sum, &bounds| sum.join(bounds));
+        let region = Region::new(&sight.shooter, packet.points(), &packet.masks, [all.low, all.high]);
         (from..members).find(|place| {
             let outline = &sight.outlines[(packet.home as usize + place) % members];
             outline.iter().any(|bounds| region.meets(bounds.low, bounds.high))

@@ -9,5 +9,5 @@ mod shot;
 pub use audit::{Fate, audit};
 pub use emitter::{Emitter, emitters, skies};
 pub use light::{ClusterLight, ElementLight, PatchLight, unshot_power, unshot_radiosity};
-pub use receive::{Work, receive};
+pub use receive::{Work, add_received, collect, receive};
 pub use shot::{CellLight, Shoot, Shot, Source, patch_shot};

@@ -1,7 +1,8 @@
 //! What a cluster receives from a shot.
 //!
 //! Three steps: sample points that face the shooter are collected with the mask of cells above their horizon; visibility
-//! clears bits; form factors turn masks into light. The middle step knows no light, the others need no occluder.
+//! clears bits; form factors turn masks into light. The middle step knows no light, the others need no occluder:
+//! it may be done elsewhere.
 
 use super::emitter::range_window;
 use super::light::{ClusterLight, ElementLight, unshot_power};
@@ -68,13 +69,20 @@ pub fn receive(
     }
     let points = Points { x: &work.x, y: &work.y, z: &work.z, plane: &work.plane };
     let tally = hierarchy.clear_blocked(&shot.shooter, points, &mut work.masks);
-    gather(shot, work);
-    add(mesh, cluster, light, is_hard(shot), work);
+    add_received(mesh, cluster, light, shot, work);
     tally
 }
 
-/// Collects the sample points of a cluster that face the shooter.
-fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
+/// The last step of [`receive`]: adds what arrives at the points that `work` has collected of this cluster, through what
+/// their masks have left open.
+pub fn add_received(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, shot: &Shot, work: &mut Work) {
+    gather(shot, work);
+    add(mesh, cluster, light, is_hard(shot), work);
+}
+
+/// The first step of [`receive`]: collects the sample points of a cluster that face the shooter, with the cells above their
+/// horizon.
+pub fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
     work.clear();
     let hard = is_hard(shot);
     let cluster = &mesh.clusters[cluster];
@@ -301,6 +309,21 @@ fn renew_power(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, first: u32
 }
 
 impl Work {
+    /// The points collected.
+    pub fn points(&self) -> Points<'_> {
+        Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane }
+    }
+
+    /// The cells that each of them may see.
+    pub fn masks(&self) -> &[u64] {
+        &self.masks
+    }
+
+    /// For occluders to clear bits.
+    pub fn masks_mut(&mut self) -> &mut [u64] {
+        &mut self.masks
+    }
+
     fn clear(&mut self) {
         self.x.clear();
         self.y.clear();

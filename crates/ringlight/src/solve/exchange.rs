@@ -23,12 +23,12 @@ pub struct Exchange {
 }
 
 /// What a rank does for a shot, besides sending and waiting.
-pub trait Work {
+pub trait Part {
     /// The next packet of this rank, if there is another.
     fn next(&mut self) -> Option<Packet>;
     /// Clears the bits that the geometry held here blocks.
     fn test(&mut self, packet: &mut Packet);
-    /// Takes the final masks of a packet that [`Work::next`] gave.
+    /// Takes the final masks of a packet that [`Part::next`] gave.
     fn finish(&mut self, ticket: u32, masks: Vec<u64>);
 }
 
@@ -60,7 +60,7 @@ impl Exchange {
         ranks: &mut Communicator<'_>,
         shot: u64,
         shooter: &Shooter,
-        work: &mut dyn Work,
+        part: &mut dyn Part,
     ) -> Result<(), Failure> {
         self.pipeline.begin(shot, Sight { shooter: shooter.clone(), outlines: self.outlines.clone() });
         let mut more = true;
@@ -73,7 +73,7 @@ impl Exchange {
                 self.take(ranks, message, &mut over)?;
             }
             while more && self.pipeline.has_room() {
-                match work.next() {
+                match part.next() {
                     Some(packet) => self.pipeline.submit(Packet { shot, ..packet }),
                     None => more = false,
                 }
@@ -81,10 +81,10 @@ impl Exchange {
             match self.pipeline.poll() {
                 Some(Action::Send { to, parcel }) => ranks.send(self.first + to, PARCEL, parcel.to_bytes()),
                 Some(Action::Test(mut packet)) => {
-                    work.test(&mut packet);
+                    part.test(&mut packet);
                     self.pipeline.tested(packet);
                 }
-                Some(Action::Finish { ticket, masks, .. }) => work.finish(ticket, masks),
+                Some(Action::Finish { ticket, masks, .. }) => part.finish(ticket, masks),
                 _ if over.everywhere => {}
                 None if !more && self.pipeline.in_flight() == 0 && !over.here => over.is_over_here(ranks),
                 None => {

@@ -3,11 +3,13 @@
 mod energy;
 mod exchange;
 mod plain;
+mod receiving;
 mod state;
 
 pub use energy::{Energy, ExactSum};
-pub use exchange::{Exchange, Work};
+pub use exchange::{Exchange, Part};
 pub use plain::plain;
+pub use receiving::receive_over_ring;
 pub use state::{State, World};
 
 use crate::quantity::Rgb;

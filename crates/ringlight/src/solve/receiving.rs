@@ -1,0 +1,161 @@
+//! What a rank's clusters receive from a shot when the occluders are spread over a ring.
+
+use super::exchange::{Exchange, Part};
+use crate::mesh::Mesh;
+use crate::ring::Packet;
+use crate::shooting::{self, ClusterLight, Shot, Work};
+use crate::transport::{Communicator, Failure};
+use ringlight_visibility::{Hierarchy, Tally};
+use std::collections::{BTreeMap, VecDeque};
+
+/// A cluster of which points are under way.
+struct Slot {
+    /// Place in the list of own clusters.
+    cluster: usize,
+    work: Work,
+    /// Points that have set off.
+    sent: usize,
+    /// Masks that have come home.
+    home: usize,
+}
+
+/// Points of one slot within a packet.
+struct Segment {
+    slot: usize,
+    /// First point within the slot.
+    first: usize,
+    count: usize,
+}
+
+/// A rank's part in a shot: points of its own clusters in packets, tests in its shard, light from final masks.
+struct Receiving<'a> {
+    mesh: &'a Mesh,
+    shot: &'a Shot,
+    shard: &'a Hierarchy,
+    own: &'a [u32],
+    light: &'a mut [ClusterLight],
+    packet_size: usize,
+    /// Next own cluster whose points are to be collected.
+    next: usize,
+    slots: Vec<Slot>,
+    /// Slots whose cluster is done.
+    free: Vec<usize>,
+    /// Slots with points that have not set off.
+    filling: VecDeque<usize>,
+    under_way: BTreeMap<u32, Vec<Segment>>,
+    tickets: u32,
+    tally: Tally,
+}
+
+/// Adds to `light`, the light of the clusters `own` of this rank, what they receive from shot number `number`. Every rank
+/// of the ring calls it; `shard` is what this one holds. The packet size does not change the result. The tally counts the
+/// tests made here, for whomever.
+#[allow(clippy::too_many_arguments, reason = "nothing of it belongs together more than the rest")]
+pub fn receive_over_ring(
+    mesh: &Mesh,
+    own: &[u32],
+    light: &mut [ClusterLight],
+    shot: &Shot,
+    number: u64,
+    shard: &Hierarchy,
+    packet_size: usize,
+    exchange: &mut Exchange,
+    ranks: &mut Communicator<'_>,
+) -> Result<Tally, Failure> {
+    assert!(own.len() == light.len() && packet_size > 0);
+    let mut part = Receiving {
+        mesh,
+        shot,
+        shard,
+        own,
+        light,
+        packet_size,
+        next: 0,
+        slots: Vec::new(),
+        free: Vec::new(),
+        filling: VecDeque::new(),
+        under_way: BTreeMap::new(),
+        tickets: 0,
+        tally: Tally::default(),
+    };
+    exchange.see(ranks, number, &shot.shooter, &mut part)?;
+    Ok(part.tally)
+}
+
+impl Receiving<'_> {
+    /// Collects the points of the next own cluster that faces the shooter; false if there is none.
+    fn collect_next(&mut self) -> bool {
+        while self.next < self.own.len() {
+            let cluster = self.next;
+            self.next += 1;
+            let slot = self.free.pop().unwrap_or_else(|| {
+                self.slots.push(Slot { cluster, work: Work::default(), sent: 0, home: 0 });
+                self.slots.len() - 1
+            });
+            let Slot { work, .. } = &mut self.slots[slot];
+            shooting::collect(self.mesh, self.own[cluster] as usize, self.shot, work);
+            if work.points().is_empty() {
+                self.free.push(slot);
+                continue;
+            }
+            (self.slots[slot].cluster, self.slots[slot].sent, self.slots[slot].home) = (cluster, 0, 0);
+            self.filling.push_back(slot);
+            return true;
+        }
+        false
+    }
+}
+
+impl Part for Receiving<'_> {
+    fn next(&mut self) -> Option<Packet> {
+        let mut packet = Packet { ticket: self.tickets, ..Packet::default() };
+        let mut segments = Vec::new();
+        while packet.masks.len() < self.packet_size && (!self.filling.is_empty() || self.collect_next()) {
+            let slot = self.filling[0];
+            let Slot { work, sent, .. } = &mut self.slots[slot];
+            let points = work.points();
+            let range = *sent..points.len().min(*sent + self.packet_size - packet.masks.len());
+            packet.x.extend_from_slice(&points.x[range.clone()]);
+            packet.y.extend_from_slice(&points.y[range.clone()]);
+            packet.z.extend_from_slice(&points.z[range.clone()]);
+            packet.plane.extend_from_slice(&points.plane[range.clone()]);
+            packet.masks.extend_from_slice(&work.masks()[range.clone()]);
+            segments.push(Segment { slot, first: range.start, count: range.len() });
+            *sent = range.end;
+            if *sent == work.masks().len() {
+                self.filling.pop_front();
+            }
+        }
+        if segments.is_empty() {
+            return None;
+        }
+        self.under_way.insert(self.tickets, segments);
+        self.tickets += 1;
+        Some(packet)
+    }
+
+    fn test(&mut self, packet: &mut Packet) {
+        let mut masks = std::mem::take(&mut packet.masks);
+        let tally = self.shard.clear_blocked(&self.shot.shooter, packet.points(), &mut masks);
+        packet.masks = masks;
+        self.tally.rays += tally.rays;
+        self.tally.masks += tally.masks;
+        self.tally.masks_without_rays += tally.masks_without_rays;
+    }
+
+    fn finish(&mut self, ticket: u32, masks: Vec<u64>) {
+        let mut masks = masks.as_slice();
+        for Segment { slot, first, count } in self.under_way.remove(&ticket).unwrap_or_default() {
+            let Slot { cluster, work, home, .. } = &mut self.slots[slot];
+            let (these, others) = masks.split_at(count);
+            work.masks_mut()[first..first + count].copy_from_slice(these);
+            masks = others;
+            *home += count;
+            if *home == work.masks().len() {
+                let light = &mut self.light[*cluster];
+                shooting::add_received(self.mesh, self.own[*cluster] as usize, light, self.shot, work);
+                self.free.push(slot);
+            }
+        }
+    }
+}
