@@ -5,7 +5,7 @@ use ringlight::resources::{Bytes, Resources};
 use ringlight::ring::{Bounds, Piece, Rings, Routing, Shards, Visits, deal, outline, owners};
 use ringlight::scene::{self, ReadOptions};
 use ringlight::shooting::{self, ClusterLight, Shoot, Shot, Work};
-use ringlight::solve::{Exchange, receive_over_ring};
+use ringlight::solve::{Exchange, Ring};
 use ringlight::transport::{Communicator, Failure, threads};
 use ringlight_visibility::{Hierarchy, OPAQUE, Triangle};
 use std::path::PathBuf;
@@ -80,7 +80,7 @@ fn shoot(
     shots: &[Shot],
     way: Way,
     ranks: &mut Communicator<'_>,
-) -> Result<(Own, Visits), Failure> {
+) -> Result<(Own, Visits, u64), Failure> {
     let rings = Rings::new(way.ranks, way.rings).expect("so many rings can be");
     let members = rings.members(rings.ring_of(ranks.rank()));
     let pieces: Vec<Piece> =
@@ -97,12 +97,13 @@ fn shoot(
     let mut light = dark(mesh, own.iter().map(|&c| c as usize));
     let mut exchange = Exchange::new(rings, ranks.rank(), outlines, way.routing, way.window);
     for (number, shot) in shots.iter().enumerate() {
-        let (number, size) = (number as u64, way.packet_size);
-        receive_over_ring(mesh, &own, &mut light, shot, number, &shard, size, &mut exchange, ranks)?;
+        let mut ring = Ring { shard: &shard, packet_size: way.packet_size, exchange: &mut exchange, ranks };
+        ring.receive(mesh, &own, &mut light, number as u64, shot)?;
         // As the choice of the next shooter will be: something else between shots, which ranks reach at different times.
         ranks.all_reduce(100, [number as u8], |a, b| a.max(b))?;
     }
-    Ok(((own, light), exchange.visits()))
+    let messages: u64 = ranks.traffic().values().map(|traffic| traffic.messages).sum();
+    Ok(((own, light), exchange.visits(), messages))
 }
 
 #[test]
@@ -115,7 +116,7 @@ fn the_offices_light_is_the_same_over_any_rings() {
     let lit = expected.iter().flat_map(|c| &c.elements).filter(|e| e.unshot != [0.0; 3]).count();
     assert!(lit > 5000, "only {lit} elements are lit");
     let ours =
-        Way { ranks: 1, rings: 1, shards: Shards::Spatial, routing: Routing::Boxes, packet_size: 200, window: 4 };
+        Way { ranks: 1, rings: 1, shards: Shards::Spatial, routing: Routing::Boxes, packet_size: 200, window: 16 };
     let papers = Way { shards: Shards::Random, routing: Routing::All, ..ours };
     let mut ways = vec![ours, Way { packet_size: 7, ranks: 3, ..ours }, Way { packet_size: 1, ranks: 2, ..ours }];
     for (ranks, rings) in [(2, 2), (4, 1), (4, 2), (6, 4), (8, 1), (8, 3)] {
@@ -126,14 +127,18 @@ fn the_offices_light_is_the_same_over_any_rings() {
         let parts =
             threads::run(way.ranks, |ranks| shoot(&mesh, whole.triangles(), &shots, way, ranks)).expect("it runs");
         let mut light = vec![ClusterLight::default(); mesh.clusters.len()];
-        let mut visits = Visits::default();
-        for ((own, part), counts) in parts {
+        let (mut visits, mut messages) = (Visits::default(), 0);
+        for ((own, part), counts, sent) in parts {
+            messages += sent;
             own.into_iter().zip(part).for_each(|(cluster, part)| light[cluster as usize] = part);
             visits.own += counts.own;
             visits.tested += counts.tested;
         }
         assert!(light == expected, "{way:?}");
         let mean = visits.tested as f64 / visits.own as f64;
-        println!("{way:?}: {} packets visit {mean:.2} members each", visits.own);
+        println!("{way:?}: {} packets visit {mean:.2} members each, {messages} messages", visits.own);
+        if way.routing == Routing::Boxes {
+            assert!(mean <= 0.6 * way.ranks.div_ceil(way.rings) as f64 + 0.5, "{way:?}: {mean} members visited");
+        }
     }
 }

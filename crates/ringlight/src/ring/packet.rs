@@ -41,7 +41,7 @@ pub enum Parcel {
 
 /// Bytes that are no parcel: the ranks do not run the same program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a parcel of {0} bytes is malformed")]
+#[error("{0} bytes are no parcels")]
 pub struct Malformed(pub usize);
 
 /// The home of parcels that are there.
@@ -60,50 +60,52 @@ impl Packet {
 }
 
 impl Parcel {
-    /// As bytes, in the order of the machine: shot, home, ticket, and then array by array.
-    pub fn to_bytes(&self) -> Vec<u8> {
+    /// Appends it to a message, in the byte order of the machine: shot, home, ticket, number of points, and then array by
+    /// array. A message may hold many parcels.
+    pub fn write(&self, bytes: &mut Vec<u8>) {
         let (shot, home, ticket, masks) = match self {
             Parcel::Onward(p) => (p.shot, p.home, p.ticket, &p.masks),
             Parcel::Home { shot, ticket, masks } => (*shot, ARRIVED, *ticket, masks),
         };
-        let mut bytes = Vec::with_capacity(HEADER + masks.len() * POINT);
         bytes.extend_from_slice(&shot.to_ne_bytes());
         bytes.extend_from_slice(&home.to_ne_bytes());
         bytes.extend_from_slice(&ticket.to_ne_bytes());
+        bytes.extend_from_slice(&(masks.len() as u32).to_ne_bytes());
         bytes.extend_from_slice(bytemuck::cast_slice(masks));
         if let Parcel::Onward(p) = self {
             [&p.x, &p.y, &p.z].into_iter().for_each(|axis| bytes.extend_from_slice(bytemuck::cast_slice(axis)));
             bytes.extend_from_slice(bytemuck::cast_slice(&p.plane));
         }
-        bytes
     }
 
-    /// The inverse of [`Parcel::to_bytes`].
-    pub fn from_bytes(bytes: &[u8]) -> Result<Parcel, Malformed> {
+    /// Takes the next parcel off a message; none at its end.
+    pub fn read(bytes: &mut &[u8]) -> Result<Option<Parcel>, Malformed> {
+        if bytes.is_empty() {
+            return Ok(None);
+        }
         let malformed = Malformed(bytes.len());
         let (header, content) = bytes.split_at_checked(HEADER).ok_or(malformed)?;
         let word = |i: usize| u32::from_ne_bytes(std::array::from_fn(|k| header[i + k]));
         let shot = u64::from_ne_bytes(std::array::from_fn(|k| header[k]));
-        let (home, ticket) = (word(8), word(12));
+        let (home, ticket, count) = (word(8), word(12), word(16) as usize);
         let size = if home == ARRIVED { size_of::<u64>() } else { POINT };
-        if !content.len().is_multiple_of(size) {
-            return Err(malformed);
-        }
-        let count = content.len() / size;
+        let len = count.checked_mul(size).ok_or(malformed)?;
+        let (content, after) = content.split_at_checked(len).ok_or(malformed)?;
+        *bytes = after;
         let (masks, rest) = content.split_at(count * size_of::<u64>());
         let masks = bytemuck::pod_collect_to_vec(masks);
         if home == ARRIVED {
-            return Ok(Parcel::Home { shot, ticket, masks });
+            return Ok(Some(Parcel::Home { shot, ticket, masks }));
         }
         let part = |i: usize| &rest[i * 4 * count..(i + 1) * 4 * count];
         let [x, y, z] = [0, 1, 2].map(|i| bytemuck::pod_collect_to_vec(part(i)));
         let plane = bytemuck::pod_collect_to_vec(part(3));
-        Ok(Parcel::Onward(Packet { shot, home, ticket, x, y, z, plane, masks }))
+        Ok(Some(Parcel::Onward(Packet { shot, home, ticket, x, y, z, plane, masks })))
     }
 }
 
 /// Bytes before the arrays.
-const HEADER: usize = 16;
+const HEADER: usize = 20;
 
 /// Bytes per point on the way: mask, coordinates, plane.
 const POINT: usize = 8 + 12 + 4;
@@ -126,13 +128,16 @@ mod tests {
         };
         let home = Parcel::Home { shot: 9, ticket: 1, masks: vec![3, 0, 1] };
         let empty = Parcel::Onward(Packet { shot: 2, ..Packet::default() });
-        for parcel in [Parcel::Onward(packet), home, empty] {
-            let bytes = parcel.to_bytes();
-            // Messages may start anywhere in memory.
-            let shifted = [&[0], bytes.as_slice()].concat();
-            assert_eq!(Parcel::from_bytes(&shifted[1..]), Ok(parcel));
-            assert_eq!(Parcel::from_bytes(&shifted), Err(Malformed(bytes.len() + 1)));
+        let parcels = [Parcel::Onward(packet), home, empty];
+        // Messages may start anywhere in memory.
+        let mut message = vec![0];
+        parcels.iter().for_each(|parcel| parcel.write(&mut message));
+        let mut rest = &message[1..];
+        for parcel in parcels {
+            assert_eq!(Parcel::read(&mut rest), Ok(Some(parcel)));
         }
-        assert_eq!(Parcel::from_bytes(&[0; 15]), Err(Malformed(15)));
+        assert_eq!(Parcel::read(&mut rest), Ok(None));
+        assert_eq!(Parcel::read(&mut &[0; 19][..]), Err(Malformed(19)));
+        assert_eq!(Parcel::read(&mut &message[1..40]), Err(Malformed(39)));
     }
 }

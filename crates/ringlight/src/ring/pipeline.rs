@@ -135,6 +135,11 @@ impl Pipeline {
         self.ready.len() + self.unknown.len()
     }
 
+    /// How its packets find their way.
+    pub fn routing(&self) -> Routing {
+        self.routing
+    }
+
     /// Counts so far.
     pub fn visits(&self) -> Visits {
         self.visits

@@ -147,7 +147,8 @@ impl Task {
             let number = random.below(ranks.len());
             if random.below(2) == 0 && !under_way.is_empty() {
                 let (to, bytes) = under_way.swap_remove(random.below(under_way.len()));
-                ranks[to].pipeline.receive(Parcel::from_bytes(&bytes).expect("a parcel"));
+                let parcel = Parcel::read(&mut bytes.as_slice()).expect("it is as it was written");
+                ranks[to].pipeline.receive(parcel.expect("there is one"));
                 continue;
             }
             let rank = &mut ranks[number];
@@ -167,7 +168,11 @@ impl Task {
             assert!(rank.pipeline.in_flight() <= way.window);
             let Some(action) = rank.pipeline.poll() else { continue };
             match action {
-                Action::Send { to, parcel } => under_way.push((rank.first + to, parcel.to_bytes())),
+                Action::Send { to, parcel } => {
+                    let mut bytes = Vec::new();
+                    parcel.write(&mut bytes);
+                    under_way.push((rank.first + to, bytes));
+                }
                 Action::Test(mut packet) => {
                     let mut cleared = std::mem::take(&mut packet.masks);
                     let shooter = &self.shots[packet.shot as usize].0;

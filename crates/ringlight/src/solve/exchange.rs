@@ -14,12 +14,18 @@ const HOME: u32 = 3;
 /// Tag of the first member's word that all are.
 const ALL_HOME: u32 = 4;
 
+/// Parcels gather to messages of about so many bytes, unless there is nothing else to do: the cost of a message, some
+/// microseconds, is that of a few kilobytes.
+const MESSAGE: usize = 16 << 10;
+
 /// This rank's place among those that hold the geometry with it.
 pub struct Exchange {
     pipeline: Pipeline,
     /// First rank of the ring, which consists of consecutive ranks.
     first: usize,
     outlines: Arc<Vec<Vec<Bounds>>>,
+    /// Parcels that wait for company, by member.
+    outbox: Vec<Vec<u8>>,
 }
 
 /// What a rank does for a shot, besides sending and waiting.
@@ -45,7 +51,14 @@ impl Exchange {
         let members = rings.members(rings.ring_of(rank));
         assert_eq!(members.len(), outlines.len(), "every member of the ring has its boxes");
         let pipeline = Pipeline::new(rank - members.start, routing, window);
-        Exchange { pipeline, first: members.start, outlines }
+        let outbox = vec![Vec::new(); members.len()];
+        Exchange { pipeline, first: members.start, outlines, outbox }
+    }
+
+    /// Whether packets are compact, because their way depends on where they are: then a packet holds points of one cluster
+    /// only, of which many travel in one message.
+    pub fn wants_compact_packets(&self) -> bool {
+        self.pipeline.routing() == Routing::Boxes
     }
 
     /// Counts so far.
@@ -54,7 +67,7 @@ impl Exchange {
     }
 
     /// Sees to the visibility of one shot: every rank of the ring calls it, and it returns when the packets of all are
-    /// home. Work for others comes before own work that would only wait for them.
+    /// home.
     pub fn see(
         &mut self,
         ranks: &mut Communicator<'_>,
@@ -79,7 +92,12 @@ impl Exchange {
                 }
             }
             match self.pipeline.poll() {
-                Some(Action::Send { to, parcel }) => ranks.send(self.first + to, PARCEL, parcel.to_bytes()),
+                Some(Action::Send { to, parcel }) => {
+                    parcel.write(&mut self.outbox[to]);
+                    if self.outbox[to].len() >= MESSAGE {
+                        self.post(ranks, to);
+                    }
+                }
                 Some(Action::Test(mut packet)) => {
                     part.test(&mut packet);
                     self.pipeline.tested(packet);
@@ -88,6 +106,8 @@ impl Exchange {
                 _ if over.everywhere => {}
                 None if !more && self.pipeline.in_flight() == 0 && !over.here => over.is_over_here(ranks),
                 None => {
+                    // Nobody waits for a parcel that waits for company.
+                    (0..self.outbox.len()).for_each(|to| self.post(ranks, to));
                     let message = ranks.wait_where(is_ours)?;
                     self.take(ranks, message, &mut over)?;
                 }
@@ -97,17 +117,23 @@ impl Exchange {
         Ok(())
     }
 
+    /// Sends what has gathered for a member.
+    fn post(&mut self, ranks: &mut Communicator<'_>, to: usize) {
+        if !self.outbox[to].is_empty() {
+            ranks.send(self.first + to, PARCEL, std::mem::take(&mut self.outbox[to]));
+        }
+    }
+
     fn take(&mut self, ranks: &mut Communicator<'_>, message: Message, over: &mut Over) -> Result<(), Failure> {
         match message.tag {
-            PARCEL => match Parcel::from_bytes(&message.bytes) {
-                Ok(parcel) => self.pipeline.receive(parcel),
-                Err(error) => {
-                    return Err(Failure {
-                        rank: ranks.rank(),
-                        message: format!("from rank {}: {error}", message.from),
-                    });
+            PARCEL => {
+                let mut bytes = message.bytes.as_slice();
+                let failure =
+                    |error| Failure { rank: ranks.rank(), message: format!("from rank {}: {error}", message.from) };
+                while let Some(parcel) = Parcel::read(&mut bytes).map_err(failure)? {
+                    self.pipeline.receive(parcel);
                 }
-            },
+            }
             HOME => over.is_over_at_another(ranks),
             _ => over.everywhere = true,
         }

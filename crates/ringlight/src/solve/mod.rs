@@ -9,7 +9,7 @@ mod state;
 pub use energy::{Energy, ExactSum};
 pub use exchange::{Exchange, Part};
 pub use plain::plain;
-pub use receiving::receive_over_ring;
+pub use receiving::Ring;
 pub use state::{State, World};
 
 use crate::quantity::Rgb;

@@ -35,6 +35,8 @@ struct Receiving<'a> {
     own: &'a [u32],
     light: &'a mut [ClusterLight],
     packet_size: usize,
+    /// Whether packets hold points of one cluster only.
+    compact: bool,
     /// Next own cluster whose points are to be collected.
     next: usize,
     slots: Vec<Slot>,
@@ -47,39 +49,49 @@ struct Receiving<'a> {
     tally: Tally,
 }
 
-/// Adds to `light`, the light of the clusters `own` of this rank, what they receive from shot number `number`. Every rank
-/// of the ring calls it; `shard` is what this one holds. The packet size does not change the result. The tally counts the
-/// tests made here, for whomever.
-#[allow(clippy::too_many_arguments, reason = "nothing of it belongs together more than the rest")]
-pub fn receive_over_ring(
-    mesh: &Mesh,
-    own: &[u32],
-    light: &mut [ClusterLight],
-    shot: &Shot,
-    number: u64,
-    shard: &Hierarchy,
-    packet_size: usize,
-    exchange: &mut Exchange,
-    ranks: &mut Communicator<'_>,
-) -> Result<Tally, Failure> {
-    assert!(own.len() == light.len() && packet_size > 0);
-    let mut part = Receiving {
-        mesh,
-        shot,
-        shard,
-        own,
-        light,
-        packet_size,
-        next: 0,
-        slots: Vec::new(),
-        free: Vec::new(),
-        filling: VecDeque::new(),
-        under_way: BTreeMap::new(),
-        tickets: 0,
-        tally: Tally::default(),
-    };
-    exchange.see(ranks, number, &shot.shooter, &mut part)?;
-    Ok(part.tally)
+/// What a rank needs to ask its ring.
+pub struct Ring<'a, 'b> {
+    /// What this rank holds of the geometry.
+    pub shard: &'a Hierarchy,
+    /// Most points of a packet; does not change results.
+    pub packet_size: usize,
+    /// Its place in the pipeline.
+    pub exchange: &'a mut Exchange,
+    /// Its way to the others.
+    pub ranks: &'a mut Communicator<'b>,
+}
+
+impl Ring<'_, '_> {
+    /// Adds to `light`, the light of the clusters `own` of this rank, what they receive from shot number `number`. Every
+    /// rank of the ring calls it. The tally counts the tests made here, for whomever.
+    pub fn receive(
+        &mut self,
+        mesh: &Mesh,
+        own: &[u32],
+        light: &mut [ClusterLight],
+        number: u64,
+        shot: &Shot,
+    ) -> Result<Tally, Failure> {
+        assert!(own.len() == light.len() && self.packet_size > 0);
+        let mut part = Receiving {
+            mesh,
+            shot,
+            shard: self.shard,
+            own,
+            light,
+            packet_size: self.packet_size,
+            compact: self.exchange.wants_compact_packets(),
+            next: 0,
+            slots: Vec::new(),
+            free: Vec::new(),
+            filling: VecDeque::new(),
+            under_way: BTreeMap::new(),
+            tickets: 0,
+            tally: Tally::default(),
+        };
+        self.exchange.see(self.ranks, number, &shot.shooter, &mut part)?;
+        Ok(part.tally)
+    }
 }
 
 impl Receiving<'_> {
@@ -110,7 +122,10 @@ impl Part for Receiving<'_> {
     fn next(&mut self) -> Option<Packet> {
         let mut packet = Packet { ticket: self.tickets, ..Packet::default() };
         let mut segments = Vec::new();
-        while packet.masks.len() < self.packet_size && (!self.filling.is_empty() || self.collect_next()) {
+        while packet.masks.len() < self.packet_size
+            && (segments.is_empty() || !self.compact)
+            && (!self.filling.is_empty() || self.collect_next())
+        {
             let slot = self.filling[0];
             let Slot { work, sent, .. } = &mut self.slots[slot];
             let points = work.points();
