@@ -59,6 +59,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
         #[test]
         fn ownership_is_balanced(sizes in prop::collection::vec(1u64..200, 1..3000), ranks in 1usize..40) {
             let owners = owners(&sizes, ranks);

@@ -111,6 +111,8 @@ mod tests {
     }
 
     proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
         #[test]
         fn every_member_holds_its_share(
             pieces in prop::collection::vec((prop::array::uniform3(-9f32..9.0), 0f32..2.0, 1u32..64), 0..600),

@@ -202,7 +202,7 @@ const RINGS: [(usize, usize); 11] =
     [(1, 1), (2, 1), (2, 2), (3, 1), (3, 2), (4, 1), (4, 2), (6, 4), (8, 1), (8, 3), (16, 5)];
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn masks_are_those_of_one_hierarchy(seed: u64) {
