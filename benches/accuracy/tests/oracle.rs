@@ -31,10 +31,8 @@ fn progressive_refinement_solves_the_radiosity_equation() {
 /// The largest difference, relative to the expected value or to their mean, whichever is larger.
 fn worst(expected: &[[f64; 3]], found: &[[f64; 3]]) -> f64 {
     assert_eq!(expected.len(), found.len());
-    let mean: [f64; 3] =
-        std::array::from_fn(|c| expected.iter().map(|e| e[c]).sum::<f64>() / expected.len() as f64);
-    let differences = expected.iter().zip(found).flat_map(|(e, f)| {
-        (0..3).map(|c| (f[c] - e[c]).abs() / e[c].max(mean[c]))
-    });
+    let mean: [f64; 3] = std::array::from_fn(|c| expected.iter().map(|e| e[c]).sum::<f64>() / expected.len() as f64);
+    let differences =
+        expected.iter().zip(found).flat_map(|(e, f)| (0..3).map(|c| (f[c] - e[c]).abs() / e[c].max(mean[c])));
     differences.fold(0.0, f64::max)
 }

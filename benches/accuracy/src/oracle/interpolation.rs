@@ -10,9 +10,8 @@ use ringlight_visibility::Layout;
 pub fn parts(mesh: &Mesh, patch: &Patch, side: u32, areas: &[f64], shoot: Shoot) -> Vec<Vec<f64>> {
     let count = patch.element_count() as usize;
     let valid = &mesh.valid[patch.first_element as usize..][..count];
-    let free: Vec<f64> = (0..count as u32)
-        .map(|k| patch.element_area(k) * f64::from(valid[k as usize].count_ones()) / 16.0)
-        .collect();
+    let free: Vec<f64> =
+        (0..count as u32).map(|k| patch.element_area(k) * f64::from(valid[k as usize].count_ones()) / 16.0).collect();
     if shoot == Shoot::Average || count == 1 && valid[0] == ALL_VALID {
         return vec![free.iter().map(|a| a / patch.area).collect(); areas.len()];
     }

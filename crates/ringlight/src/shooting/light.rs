@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ElementLight {
-    /// Area average of the irradiance received up to the patch's last own shot.
+    /// Area average of the irradiance received up to the patch's last own shot, and what rounding took since.
     pub shot: Rgb,
     /// Area average received since then: its reflection is unshot.
     pub unshot: Rgb,
@@ -17,6 +17,17 @@ pub struct ElementLight {
 }
 
 impl ElementLight {
+    /// Adds irradiance: its area average, and its value at the sample point. What rounding takes from the sum of many small
+    /// amounts goes to `shot`, where it is not reflected but not lost either (compensated summation, Neumaier 1974).
+    pub fn add(&mut self, area: [f64; 3], point: [f64; 3]) {
+        for c in 0..3 {
+            let sum = f64::from(self.unshot[c]) + area[c];
+            self.unshot[c] = sum as f32;
+            self.shot[c] += (sum - f64::from(self.unshot[c])) as f32;
+            self.correction[c] += (point[c] - area[c]) as f32;
+        }
+    }
+
     /// Area average of the irradiance.
     pub fn mean(&self) -> Rgb {
         std::array::from_fn(|c| self.shot[c] + self.unshot[c])

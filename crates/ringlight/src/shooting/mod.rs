@@ -1,6 +1,7 @@
 //! Choosing a shooter, its weighted cells, and what the receivers get from it.
 
 mod audit;
+mod cells;
 mod emitter;
 mod light;
 mod receive;

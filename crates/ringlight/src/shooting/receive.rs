@@ -272,10 +272,7 @@ fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, hard: bool, work: 
         let (area, point) = if hard { (mean, mean) } else { (mean, point) };
         if area != [0.0; 3] || point != [0.0; 3] {
             let element: &mut ElementLight = &mut light.elements[sample.element as usize];
-            for c in 0..3 {
-                element.unshot[c] += area[c] as f32;
-                element.correction[c] += (point[c] - area[c]) as f32;
-            }
+            element.add(area, point);
             lit = Some(lit.map_or((sample.element, sample.element), |(first, _)| (first, sample.element)));
         }
         i += 1 + followers;
