@@ -4,6 +4,7 @@
 //! each with the bound that it is held to. The tests assert every row of every suite; `cargo xtask accuracy` writes them
 //! as `docs/accuracy.md`.
 
+pub mod method;
 pub mod oracle;
 pub mod page;
 pub mod plot;

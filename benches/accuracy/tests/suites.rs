@@ -22,4 +22,7 @@ macro_rules! suites {
 
 suites! {
     furnace
+    dense
+    hemicube
+    disc_sum
 }

@@ -104,6 +104,21 @@ impl PatchShooter {
         }
     }
 
+    /// The corners, metres.
+    pub fn corners(&self) -> &[DVec3] {
+        &self.corners
+    }
+
+    /// Unit normal of the lit side.
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// Positions of the cells, metres.
+    pub fn cells(&self) -> &[DVec3] {
+        &self.cells
+    }
+
     /// Area of each cell, m².
     pub fn areas(&self) -> &[f64] {
         &self.areas

@@ -5,8 +5,7 @@
 
 mod dense;
 mod interpolation;
-mod kernel;
+pub mod kernel;
 pub mod scenes;
 
 pub use dense::{Dense, Solution};
-pub use kernel::triangles;

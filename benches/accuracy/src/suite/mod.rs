@@ -1,6 +1,9 @@
 //! The suites, in the order of the page.
 
+mod dense;
+mod disc_sum;
 mod furnace;
+mod hemicube;
 
 use crate::Section;
 
@@ -8,4 +11,9 @@ use crate::Section;
 pub type Suite = (&'static str, fn() -> Section);
 
 /// All suites, in the order of the page. Every one has a test of its name in `tests/suites.rs`.
-pub const SUITES: &[Suite] = &[("furnace", furnace::measure)];
+pub const SUITES: &[Suite] = &[
+    ("furnace", furnace::measure),
+    ("dense", dense::measure),
+    ("hemicube", hemicube::measure),
+    ("disc_sum", disc_sum::measure),
+];

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ElementLight {
-    /// Area average of the irradiance received up to the patch's last own shot, and what rounding took since.
+    /// Area average of the irradiance received up to the patch's last own shot, and what rounding took since then.
     pub shot: Rgb,
     /// Area average received since then: its reflection is unshot.
     pub unshot: Rgb,
@@ -18,12 +18,14 @@ pub struct ElementLight {
 
 impl ElementLight {
     /// Adds irradiance: its area average, and its value at the sample point. What rounding takes from the sum of many small
-    /// amounts goes to `shot`, where it is not reflected but not lost either (compensated summation, Neumaier 1974).
+    /// amounts is carried over in `shot` (compensated summation, Neumaier 1974): into the next sum while the patch has shot
+    /// nothing that counts beside it, so that all of it is reflected; and else to what is displayed.
     pub fn add(&mut self, area: [f64; 3], point: [f64; 3]) {
         for c in 0..3 {
-            let sum = f64::from(self.unshot[c]) + area[c];
+            let carry = if self.shot[c].abs() <= f32::EPSILON * self.unshot[c] { self.shot[c] } else { 0.0 };
+            let sum = f64::from(self.unshot[c]) + f64::from(carry) + area[c];
             self.unshot[c] = sum as f32;
-            self.shot[c] += (sum - f64::from(self.unshot[c])) as f32;
+            self.shot[c] = (self.shot[c] - carry) + (sum - f64::from(self.unshot[c])) as f32;
             self.correction[c] += (point[c] - area[c]) as f32;
         }
     }

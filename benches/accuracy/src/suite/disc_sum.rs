@@ -1,0 +1,6 @@
+//! x
+use crate::Section;
+/// x
+pub fn measure() -> Section {
+    Section::default()
+}
