@@ -25,4 +25,5 @@ suites! {
     dense
     hemicube
     disc_sum
+    convergence
 }

@@ -4,6 +4,7 @@
 //! cells and samples lie) and nothing that computes light on it.
 
 mod dense;
+pub mod integral;
 mod interpolation;
 pub mod kernel;
 pub mod scenes;

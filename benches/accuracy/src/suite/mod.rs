@@ -1,5 +1,6 @@
 //! The suites, in the order of the page.
 
+mod convergence;
 mod dense;
 mod disc_sum;
 mod furnace;
@@ -16,4 +17,5 @@ pub const SUITES: &[Suite] = &[
     ("dense", dense::measure),
     ("hemicube", hemicube::measure),
     ("disc_sum", disc_sum::measure),
+    ("convergence", convergence::measure),
 ];
