@@ -2,6 +2,7 @@
 
 mod audit;
 mod emitter;
+mod gather;
 mod light;
 mod receive;
 mod shot;

@@ -1,0 +1,201 @@
+//! From masks to light: what sample points get from the visible cells of a shot.
+
+use super::emitter::range_window;
+use super::shot::{PatchSource, Shot, Source};
+use crate::form_factor;
+use crate::mesh::NONE;
+use glam::{DVec3, Vec3};
+use ringlight_visibility::Cells;
+
+/// Lanes of the cell loop.
+const LANES: usize = 16;
+
+/// A sample point on its way.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Where, mesh coordinates, metres.
+    pub point: DVec3,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Index of the [`Spread`] of the area that the point stands for alone, or [`NONE`] if it is one of several.
+    pub spread: u32,
+    /// Element within the cluster.
+    pub element: u32,
+    /// How many area samples follow this point value; for an area sample itself 0.
+    pub followers: u8,
+}
+
+/// How far an area about its middle extends: two vectors u, v in its plane with (uuᵀ + vvᵀ)/12 the covariance of a
+/// point anywhere on it, metres. For a parallelogram they are its edges.
+#[derive(Clone, Copy, Debug)]
+pub struct Spread(pub [Vec3; 2]);
+
+/// Irradiance.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Received {
+    /// At the sample point.
+    pub point: [f64; 3],
+    /// Mean over the area for which the point stands alone; else the same.
+    pub mean: [f64; 3],
+}
+
+impl Received {
+    fn even(light: [f64; 3]) -> Received {
+        Received { point: light, mean: light }
+    }
+}
+
+/// The cells of a patch shooter, structure of arrays, padded with cells of no weight.
+struct CellTable {
+    x: [f32; 64],
+    y: [f32; 64],
+    z: [f32; 64],
+    density: [f32; 64],
+    light: [[f32; 64]; 3],
+    /// Sum of the light's channels.
+    brightness: [f32; 64],
+    count: usize,
+    /// Area of a cell, m².
+    area: f32,
+}
+
+/// Turns the masks of the samples into irradiance.
+pub fn gather(shot: &Shot, samples: &[Sample], spreads: &[Spread], masks: &[u64], received: &mut Vec<Received>) {
+    let lit = samples.iter().zip(masks.iter().copied());
+    match &shot.source {
+        Source::Patch(source) => {
+            let table = CellTable::new(shot, source);
+            pulp::Arch::new().dispatch(|| {
+                received.extend(lit.map(|(sample, mask)| {
+                    if mask == 0 {
+                        Received::default()
+                    } else if sample.spread == NONE {
+                        from_patch::<false>(source, &table, sample, None, mask)
+                    } else {
+                        from_patch::<true>(source, &table, sample, Some(&spreads[sample.spread as usize]), mask)
+                    }
+                }));
+            });
+        }
+        Source::Point { position, cone, range } => {
+            received.extend(lit.map(|(sample, mask)| {
+                let factor = if mask == 0 { 0.0 } else { from_point(sample, *position, *cone, *range) };
+                Received::even(shot.light[0].map(|i| f64::from(i) * factor))
+            }));
+        }
+        Source::Directions => {
+            let Cells::Directions(directions) = &shot.shooter.cells else { return };
+            received.extend(lit.map(|(sample, mask)| {
+                let mut sum = [0.0; 3];
+                for (k, d) in directions.iter().enumerate().filter(|(k, _)| mask >> k & 1 == 1) {
+                    let cosine = sample.normal.dot(DVec3::from(d.map(f64::from)));
+                    (0..3).for_each(|c| sum[c] += cosine * f64::from(shot.light[k][c]));
+                }
+                Received::even(sum)
+            }));
+        }
+    }
+}
+
+/// Irradiance from the visible part of a patch: the contour of the whole shooter, weighted by the visible share of the
+/// light of its cells, Σ cosθᵣ cosθₛ ΔB / (πr² + A) (DESIGN section 3; Wallace, Elmquist & Haines 1989 for the disc form).
+///
+/// The mean over an area of spread u, v differs from the value at its middle by ∂²/24 along u and v to third order. For a
+/// cell's kernel K = cosθᵣ cosθₛ/πr², with d from the point to the cell, g = d·d, b = −s·d and s the shooter's normal,
+/// K_uu/K = (8 (s·u)(d·u)/b + 24 (d·u)²/g − 4 u·u)/g: n·d does not change along the receiver's own plane.
+#[inline(always)]
+fn from_patch<const SPREAD: bool>(
+    source: &PatchSource,
+    table: &CellTable,
+    sample: &Sample,
+    spread: Option<&Spread>,
+    mask: u64,
+) -> Received {
+    let factor = form_factor::contour(sample.point, sample.normal, &source.corners[..source.count]);
+    let (x, n) = (sample.point.as_vec3(), sample.normal.as_vec3());
+    let s = source.normal.as_vec3();
+    let [u, v] = spread.map_or([Vec3::ZERO; 2], |spread| spread.0);
+    let (su, sv, square) = (8.0 * s.dot(u), 8.0 * s.dot(v), 4.0 * (u.dot(u) + v.dot(v)));
+    let mut total = [0.0f32; LANES];
+    let mut light = [[0.0f32; LANES]; 3];
+    let mut curved = [0.0f32; LANES];
+    for chunk in 0..table.count.div_ceil(LANES) {
+        let first = chunk * LANES;
+        let bits = (mask >> first) as u32;
+        for l in 0..LANES {
+            let k = first + l;
+            let (dx, dy, dz) = (table.x[k] - x.x, table.y[k] - x.y, table.z[k] - x.z);
+            let r2 = dx * dx + dy * dy + dz * dz;
+            let receiver = (dx * n.x + dy * n.y + dz * n.z).max(0.0);
+            let shooter = (-(dx * s.x + dy * s.y + dz * s.z)).max(0.0);
+            let open = receiver / (r2 * (std::f32::consts::PI * r2 + table.area)) * table.density[k];
+            let disc = open * shooter;
+            let seen = (bits >> l & 1) as f32 * disc;
+            total[l] += disc;
+            for c in 0..3 {
+                light[c][l] += seen * table.light[c][k];
+            }
+            if SPREAD {
+                let (du, dv) = (dx * u.x + dy * u.y + dz * u.z, dx * v.x + dy * v.y + dz * v.z);
+                let inverse = 1.0 / r2;
+                let second = su * du + sv * dv + shooter * (24.0 * (du * du + dv * dv) * inverse - square);
+                curved[l] += (bits >> l & 1) as f32 * open * second * inverse * table.brightness[k];
+            }
+        }
+    }
+    let sum = |lanes: &[f32; LANES]| lanes.iter().map(|&x| f64::from(x)).sum::<f64>();
+    let total = sum(&total);
+    if total <= 0.0 {
+        return Received::default();
+    }
+    let light = light.map(|lanes| sum(&lanes));
+    let point = light.map(|x| factor * x / total);
+    let brightness = light[0] + light[1] + light[2];
+    if !SPREAD || brightness <= 0.0 {
+        return Received::even(point);
+    }
+    let mean_to_point = (1.0 + sum(&curved) / (24.0 * brightness)).max(0.0);
+    Received { point, mean: point.map(|x| x * mean_to_point) }
+}
+
+/// Irradiance per intensity from a point or spot light (KHR_lights_punctual for cone and range).
+fn from_point(sample: &Sample, position: DVec3, cone: Option<(DVec3, f64, f64)>, range: f64) -> f64 {
+    let to = position - sample.point;
+    let r2 = to.length_squared();
+    let r = r2.sqrt();
+    if !(r > 0.0 && r < range) {
+        return 0.0;
+    }
+    let mut factor = to.dot(sample.normal).max(0.0) / (r * r2);
+    factor *= range_window(r, range);
+    if let Some((axis, inner, outer)) = cone {
+        let cosine = -to.dot(axis) / r;
+        let ramp = ((cosine - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
+        factor *= ramp * ramp;
+    }
+    factor
+}
+
+impl CellTable {
+    fn new(shot: &Shot, source: &PatchSource) -> CellTable {
+        let mut table = CellTable {
+            // Lanes without a cell lie so far away that they add 0, also for a point at the origin.
+            x: [1e15; 64],
+            y: [0.0; 64],
+            z: [0.0; 64],
+            density: [0.0; 64],
+            light: [[0.0; 64]; 3],
+            brightness: [0.0; 64],
+            count: shot.light.len(),
+            area: (source.area / shot.light.len() as f64) as f32,
+        };
+        let Cells::Grid(grid) = &shot.shooter.cells else { return table };
+        for (k, light) in shot.light.iter().enumerate() {
+            [table.x[k], table.y[k], table.z[k]] = grid.point(k);
+            table.density[k] = source.density[k];
+            (0..3).for_each(|c| table.light[c][k] = light[c]);
+            table.brightness[k] = light[0] + light[1] + light[2];
+        }
+        table
+    }
+}
