@@ -3,9 +3,9 @@
 use super::emitter::range_window;
 use super::shot::{PatchSource, Shot, Source};
 use crate::form_factor;
-use crate::mesh::NONE;
+use crate::mesh::{Frame, Tile};
 use glam::{DVec3, Vec3};
-use ringlight_visibility::Cells;
+use ringlight_visibility::{Cells, Grid};
 
 /// Lanes of the cell loop.
 const LANES: usize = 16;
@@ -17,12 +17,14 @@ pub struct Sample {
     pub point: DVec3,
     /// Unit normal.
     pub normal: DVec3,
-    /// Index of the [`Spread`] of the area that the point stands for alone, or [`NONE`] if it is one of several.
+    /// Index of the [`Spread`] of the area that the point stands for alone, or [`crate::mesh::NONE`] if it is one of several.
     pub spread: u32,
     /// Element within the cluster.
     pub element: u32,
     /// How many area samples follow this point value; for an area sample itself 0.
     pub followers: u8,
+    /// Whether it lies near the shooter.
+    pub near: bool,
 }
 
 /// How far an area about its middle extends: two vectors u, v in its plane with (uuᵀ + vvᵀ)/12 the covariance of a
@@ -45,35 +47,43 @@ impl Received {
     }
 }
 
-/// The cells of a patch shooter, structure of arrays, padded with cells of no weight.
-struct CellTable {
-    x: [f32; 64],
-    y: [f32; 64],
-    z: [f32; 64],
-    density: [f32; 64],
-    light: [[f32; 64]; 3],
+/// The cells of a patch shooter, or `N` equal parts of them, structure of arrays, padded with cells of no weight.
+struct CellTable<const N: usize> {
+    x: [f32; N],
+    y: [f32; N],
+    z: [f32; N],
+    density: [f32; N],
+    light: [[f32; N]; 3],
     /// Sum of the light's channels.
-    brightness: [f32; 64],
+    brightness: [f32; N],
+    /// Entries in use, all parts of one cell as far apart as there are cells.
     count: usize,
-    /// Area of a cell, m².
+    /// Area of an entry, m².
     area: f32,
+    /// Times this, a mask of the cells is a mask of the entries, 64 of them in turn.
+    repeat: u64,
 }
+
+/// Parts of a patch, near which a cell is no point.
+const PARTS: usize = 256;
 
 /// Turns the masks of the samples into irradiance.
 pub fn gather(shot: &Shot, samples: &[Sample], spreads: &[Spread], masks: &[u64], received: &mut Vec<Received>) {
     let lit = samples.iter().zip(masks.iter().copied());
     match &shot.source {
         Source::Patch(source) => {
-            let table = CellTable::new(shot, source);
+            let Cells::Grid(grid) = &shot.shooter.cells else { return };
+            let cells = CellTable::<64>::new(shot, source, grid, 1);
+            let parts = samples.iter().any(|s| s.near).then(|| {
+                // As many parts of a cell as make the table full.
+                CellTable::<PARTS>::new(shot, source, grid, 16 / grid.side)
+            });
             pulp::Arch::new().dispatch(|| {
-                received.extend(lit.map(|(sample, mask)| {
-                    if mask == 0 {
-                        Received::default()
-                    } else if sample.spread == NONE {
-                        from_patch::<false>(source, &table, sample, None, mask)
-                    } else {
-                        from_patch::<true>(source, &table, sample, Some(&spreads[sample.spread as usize]), mask)
-                    }
+                received.extend(lit.map(|(sample, mask)| match (&parts, spreads.get(sample.spread as usize)) {
+                    _ if mask == 0 => Received::default(),
+                    (Some(parts), _) if sample.near => from_patch::<PARTS, false>(source, parts, sample, None, mask),
+                    (_, None) => from_patch::<64, false>(source, &cells, sample, None, mask),
+                    (_, spread) => from_patch::<64, true>(source, &cells, sample, spread, mask),
                 }));
             });
         }
@@ -99,14 +109,15 @@ pub fn gather(shot: &Shot, samples: &[Sample], spreads: &[Spread], masks: &[u64]
 
 /// Irradiance from the visible part of a patch: the contour of the whole shooter, weighted by the visible share of the
 /// light of its cells, Σ cosθᵣ cosθₛ ΔB / (πr² + A) (DESIGN section 3; Wallace, Elmquist & Haines 1989 for the disc form).
+/// Near the shooter the discs of whole cells would favour the farther cells, so their parts are summed there.
 ///
 /// The mean over an area of spread u, v differs from the value at its middle by ∂²/24 along u and v to third order. For a
 /// cell's kernel K = cosθᵣ cosθₛ/πr², with d from the point to the cell, g = d·d, b = −s·d and s the shooter's normal,
 /// K_uu/K = (8 (s·u)(d·u)/b + 24 (d·u)²/g − 4 u·u)/g: n·d does not change along the receiver's own plane.
 #[inline(always)]
-fn from_patch<const SPREAD: bool>(
+fn from_patch<const N: usize, const SPREAD: bool>(
     source: &PatchSource,
-    table: &CellTable,
+    table: &CellTable<N>,
     sample: &Sample,
     spread: Option<&Spread>,
     mask: u64,
@@ -119,9 +130,10 @@ fn from_patch<const SPREAD: bool>(
     let mut total = [0.0f32; LANES];
     let mut light = [[0.0f32; LANES]; 3];
     let mut curved = [0.0f32; LANES];
+    let mask = mask.wrapping_mul(table.repeat);
     for chunk in 0..table.count.div_ceil(LANES) {
         let first = chunk * LANES;
-        let bits = (mask >> first) as u32;
+        let bits = (mask >> (first % 64)) as u32;
         for l in 0..LANES {
             let k = first + l;
             let (dx, dy, dz) = (table.x[k] - x.x, table.y[k] - x.y, table.z[k] - x.z);
@@ -176,25 +188,37 @@ fn from_point(sample: &Sample, position: DVec3, cone: Option<(DVec3, f64, f64)>,
     factor
 }
 
-impl CellTable {
-    fn new(shot: &Shot, source: &PatchSource) -> CellTable {
+impl<const N: usize> CellTable<N> {
+    /// The cells of `grid`, each cut into `side`² parts.
+    fn new(shot: &Shot, source: &PatchSource, grid: &Grid, side: u32) -> CellTable<N> {
+        let cells = shot.light.len();
+        let count = cells * (side * side) as usize;
         let mut table = CellTable {
             // Lanes without a cell lie so far away that they add 0, also for a point at the origin.
-            x: [1e15; 64],
-            y: [0.0; 64],
-            z: [0.0; 64],
-            density: [0.0; 64],
-            light: [[0.0; 64]; 3],
-            brightness: [0.0; 64],
-            count: shot.light.len(),
-            area: (source.area / shot.light.len() as f64) as f32,
+            x: [1e15; N],
+            y: [0.0; N],
+            z: [0.0; N],
+            density: [0.0; N],
+            light: [[0.0; N]; 3],
+            brightness: [0.0; N],
+            count,
+            area: (source.area / count as f64) as f32,
+            // 1 for 64 cells, else a 1 for every group of as many bits as there are cells.
+            repeat: if cells == 64 { 1 } else { u64::MAX / ((1 << cells) - 1) },
         };
-        let Cells::Grid(grid) = &shot.shooter.cells else { return table };
-        for (k, light) in shot.light.iter().enumerate() {
-            [table.x[k], table.y[k], table.z[k]] = grid.point(k);
-            table.density[k] = source.density[k];
-            (0..3).for_each(|c| table.light[c][k] = light[c]);
-            table.brightness[k] = light[0] + light[1] + light[2];
+        for i in 0..count {
+            let (cell, part) = (i % cells, (i / cells) as u32);
+            [table.x[i], table.y[i], table.z[i]] = if side == 1 {
+                grid.point(cell)
+            } else {
+                let tile = Tile::of(grid.layout, [grid.side; 2], cell as u32);
+                let at = tile.compose(Tile::of(grid.layout, [side; 2], part)).at(Frame::middle(grid.layout));
+                source.frame.at(at).as_vec3().to_array()
+            };
+            let light = shot.light[cell];
+            table.density[i] = source.density[cell];
+            (0..3).for_each(|c| table.light[c][i] = light[c]);
+            table.brightness[i] = light[0] + light[1] + light[2];
         }
         table
     }

@@ -10,8 +10,8 @@ use crate::mesh::{ALL_VALID, Mesh, NONE, Patch};
 use glam::DVec3;
 use ringlight_visibility::{Cells, Hierarchy, Layout, Points, Tally};
 
-/// Elements nearer to the shooter than this many of their widths also take area samples: the error of a single point is
-/// of the order of (width/distance)²/24.
+/// Elements nearer to the shooter than this many of their widths also take area samples: the error of a single point's
+/// second-order mean is of the order of (width/distance)⁴/100.
 const NEAR: f64 = 3.0;
 
 /// Buffers that a thread reuses from cluster to cluster.
@@ -79,12 +79,12 @@ fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
             }
             let head = work.samples.len();
             let alone = !near && valid == ALL_VALID;
-            work.push(&patch, point, index, mask, if alone { spread } else { NONE });
+            work.push(&patch, point, index, mask, if alone { spread } else { NONE }, near);
             if near {
                 let tile = patch.element_tile(k);
                 for s in (0..16).filter(|s| valid >> s & 1 == 1) {
                     let point = patch.area_sample(&tile, s);
-                    work.push(&patch, point, index, horizon_mask(shot, point, patch.normal), NONE);
+                    work.push(&patch, point, index, horizon_mask(shot, point, patch.normal), NONE, near);
                 }
                 work.samples[head].followers = valid.count_ones() as u8;
             }
@@ -222,13 +222,13 @@ impl Work {
         self.received.clear();
     }
 
-    fn push(&mut self, patch: &Patch, point: DVec3, element: u32, mask: u64, spread: u32) {
+    fn push(&mut self, patch: &Patch, point: DVec3, element: u32, mask: u64, spread: u32, near: bool) {
         let single = point.as_vec3();
         self.x.push(single.x);
         self.y.push(single.y);
         self.z.push(single.z);
         self.plane.push(patch.plane);
         self.masks.push(mask);
-        self.samples.push(Sample { point, normal: patch.normal, spread, element, followers: 0 });
+        self.samples.push(Sample { point, normal: patch.normal, spread, element, followers: 0, near });
     }
 }

@@ -56,6 +56,8 @@ pub enum Source {
 pub struct PatchSource {
     /// Number of the patch.
     pub patch: u32,
+    /// Geometry.
+    pub frame: Frame,
     /// Corners; `count` of them are valid.
     pub corners: [DVec3; 4],
     /// Number of corners.
@@ -131,6 +133,7 @@ pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize
         light: weights.iter().map(|w| w.map(|x| x as f32)).collect(),
         source: Source::Patch(Box::new(PatchSource {
             patch: patch.id,
+            frame: *frame,
             corners,
             count,
             normal: patch.normal,
