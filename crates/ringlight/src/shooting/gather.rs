@@ -10,21 +10,26 @@ use ringlight_visibility::{Cells, Grid};
 /// Lanes of the cell loop.
 const LANES: usize = 16;
 
-/// A sample point on its way.
+/// A receiving point.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
+pub struct Receiver {
     /// Where, mesh coordinates, metres.
     pub point: DVec3,
     /// Unit normal.
     pub normal: DVec3,
-    /// Index of the [`Spread`] of the area that the point stands for alone, or [`crate::mesh::NONE`] if it is one of several.
-    pub spread: u32,
-    /// Element within the cluster.
-    pub element: u32,
-    /// How many area samples follow this point value; for an area sample itself 0.
-    pub followers: u8,
-    /// Whether it lies near the shooter.
-    pub near: bool,
+    /// What it stands for.
+    pub role: Role,
+}
+
+/// What a receiving point stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Itself.
+    Point,
+    /// Itself, near the shooter.
+    Near,
+    /// Alone for an area about it, whose [`Spread`] has this number.
+    Alone(u32),
 }
 
 /// How far an area about its middle extends: two vectors u, v in its plane with (uuᵀ + vvᵀ)/12 the covariance of a
@@ -32,10 +37,10 @@ pub struct Sample {
 #[derive(Clone, Copy, Debug)]
 pub struct Spread(pub [Vec3; 2]);
 
-/// Irradiance.
+/// Irradiance, W/m² or lux.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Received {
-    /// At the sample point.
+    /// At the point.
     pub point: [f64; 3],
     /// Mean over the area for which the point stands alone; else the same.
     pub mean: [f64; 3],
@@ -67,38 +72,38 @@ struct CellTable<const N: usize> {
 /// Parts of a patch, near which a cell is no point.
 const PARTS: usize = 256;
 
-/// Turns the masks of the samples into irradiance.
-pub fn gather(shot: &Shot, samples: &[Sample], spreads: &[Spread], masks: &[u64], received: &mut Vec<Received>) {
-    let lit = samples.iter().zip(masks.iter().copied());
+/// Turns the masks of what the receivers see into irradiance.
+pub fn gather(shot: &Shot, receivers: &[Receiver], spreads: &[Spread], masks: &[u64], received: &mut Vec<Received>) {
+    let lit = receivers.iter().zip(masks.iter().copied());
     match &shot.source {
         Source::Patch(source) => {
             let Cells::Grid(grid) = &shot.shooter.cells else { return };
             let cells = CellTable::<64>::new(shot, source, grid, 1);
-            let parts = samples.iter().any(|s| s.near).then(|| {
+            let parts = receivers.iter().any(|r| r.role == Role::Near).then(|| {
                 // As many parts of a cell as make the table full.
                 CellTable::<PARTS>::new(shot, source, grid, 16 / grid.side)
             });
             pulp::Arch::new().dispatch(|| {
-                received.extend(lit.map(|(sample, mask)| match (&parts, spreads.get(sample.spread as usize)) {
+                received.extend(lit.map(|(at, mask)| match (at.role, &parts) {
                     _ if mask == 0 => Received::default(),
-                    (Some(parts), _) if sample.near => from_patch::<PARTS, false>(source, parts, sample, None, mask),
-                    (_, None) => from_patch::<64, false>(source, &cells, sample, None, mask),
-                    (_, spread) => from_patch::<64, true>(source, &cells, sample, spread, mask),
+                    (Role::Near, Some(parts)) => from_patch::<PARTS, false>(source, parts, at, None, mask),
+                    (Role::Alone(k), _) => from_patch::<64, true>(source, &cells, at, Some(&spreads[k as usize]), mask),
+                    _ => from_patch::<64, false>(source, &cells, at, None, mask),
                 }));
             });
         }
         Source::Point { position, cone, range } => {
-            received.extend(lit.map(|(sample, mask)| {
-                let factor = if mask == 0 { 0.0 } else { from_point(sample, *position, *cone, *range) };
+            received.extend(lit.map(|(at, mask)| {
+                let factor = if mask == 0 { 0.0 } else { from_point(at, *position, *cone, *range) };
                 Received::even(shot.light[0].map(|i| f64::from(i) * factor))
             }));
         }
         Source::Directions => {
             let Cells::Directions(directions) = &shot.shooter.cells else { return };
-            received.extend(lit.map(|(sample, mask)| {
+            received.extend(lit.map(|(at, mask)| {
                 let mut sum = [0.0; 3];
                 for (k, d) in directions.iter().enumerate().filter(|(k, _)| mask >> k & 1 == 1) {
-                    let cosine = sample.normal.dot(DVec3::from(d.map(f64::from)));
+                    let cosine = at.normal.dot(DVec3::from(d.map(f64::from)));
                     (0..3).for_each(|c| sum[c] += cosine * f64::from(shot.light[k][c]));
                 }
                 Received::even(sum)
@@ -118,12 +123,12 @@ pub fn gather(shot: &Shot, samples: &[Sample], spreads: &[Spread], masks: &[u64]
 fn from_patch<const N: usize, const SPREAD: bool>(
     source: &PatchSource,
     table: &CellTable<N>,
-    sample: &Sample,
+    at: &Receiver,
     spread: Option<&Spread>,
     mask: u64,
 ) -> Received {
-    let factor = form_factor::contour(sample.point, sample.normal, &source.corners[..source.count]);
-    let (x, n) = (sample.point.as_vec3(), sample.normal.as_vec3());
+    let factor = form_factor::contour(at.point, at.normal, &source.corners[..source.count]);
+    let (x, n) = (at.point.as_vec3(), at.normal.as_vec3());
     let s = source.normal.as_vec3();
     let [u, v] = spread.map_or([Vec3::ZERO; 2], |spread| spread.0);
     let (su, sv, square) = (8.0 * s.dot(u), 8.0 * s.dot(v), 4.0 * (u.dot(u) + v.dot(v)));
@@ -171,14 +176,14 @@ fn from_patch<const N: usize, const SPREAD: bool>(
 }
 
 /// Irradiance per intensity from a point or spot light (KHR_lights_punctual for cone and range).
-fn from_point(sample: &Sample, position: DVec3, cone: Option<(DVec3, f64, f64)>, range: f64) -> f64 {
-    let to = position - sample.point;
+fn from_point(at: &Receiver, position: DVec3, cone: Option<(DVec3, f64, f64)>, range: f64) -> f64 {
+    let to = position - at.point;
     let r2 = to.length_squared();
     let r = r2.sqrt();
     if !(r > 0.0 && r < range) {
         return 0.0;
     }
-    let mut factor = to.dot(sample.normal).max(0.0) / (r * r2);
+    let mut factor = to.dot(at.normal).max(0.0) / (r * r2);
     factor *= range_window(r, range);
     if let Some((axis, inner, outer)) = cone {
         let cosine = -to.dot(axis) / r;

@@ -3,12 +3,13 @@
 //! Three steps: sample points that face the shooter are collected with the mask of cells above their horizon; visibility
 //! clears bits; form factors turn masks into light. The middle step knows no light, the others need no occluder.
 
-use super::gather::{Received, Sample, Spread, gather};
+use super::gather::{Received, Role, Spread};
 use super::light::{ClusterLight, ElementLight, unshot_power};
+use super::packet::Packet;
 use super::shot::{Shot, Source};
-use crate::mesh::{ALL_VALID, Mesh, NONE, Patch};
+use crate::mesh::{ALL_VALID, Mesh, Patch};
 use glam::DVec3;
-use ringlight_visibility::{Cells, Hierarchy, Layout, Points, Tally};
+use ringlight_visibility::{Cells, Hierarchy, Layout, Tally};
 
 /// Elements nearer to the shooter than this many of their widths also take area samples: the error of a single point's
 /// second-order mean is of the order of (width/distance)⁴/100.
@@ -17,14 +18,18 @@ const NEAR: f64 = 3.0;
 /// Buffers that a thread reuses from cluster to cluster.
 #[derive(Debug, Default)]
 pub struct Work {
-    x: Vec<f32>,
-    y: Vec<f32>,
-    z: Vec<f32>,
-    plane: Vec<u32>,
-    masks: Vec<u64>,
+    packet: Packet,
+    /// What belongs to each receiver of the packet.
     samples: Vec<Sample>,
-    spreads: Vec<Spread>,
-    received: Vec<Received>,
+}
+
+/// A sample point on its way.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    /// Element within the cluster.
+    element: u32,
+    /// How many area samples follow this point value; for an area sample itself 0.
+    followers: u8,
 }
 
 /// Adds to `light`, the light of cluster number `cluster`, what it receives from `shot`.
@@ -40,9 +45,7 @@ pub fn receive(
     if work.samples.is_empty() {
         return Tally::default();
     }
-    let points = Points { x: &work.x, y: &work.y, z: &work.z, plane: &work.plane };
-    let tally = hierarchy.clear_blocked(&shot.shooter, points, &mut work.masks);
-    gather(shot, &work.samples, &work.spreads, &work.masks, &mut work.received);
+    let tally = work.packet.receive(shot, hierarchy);
     add(mesh, cluster, light, is_hard(shot), work);
     tally
 }
@@ -65,26 +68,29 @@ fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
         if !may_face(&patch, shot) {
             continue;
         }
-        let spread = work.spreads.len() as u32;
-        work.spreads.push(patch_spread(&patch));
+        let alone = work.packet.push_spread(spread(&patch));
         for k in 0..patch.element_count() {
             let element = patch.first_element + k;
             let valid = mesh.valid[element as usize];
             let Some(point) = patch.sample_point(k, valid) else { continue };
             let index = element - cluster.elements.start;
             let near = hard || is_near(&patch, point, shot);
-            let mask = horizon_mask(shot, point, patch.normal);
+            let mask = shot.above_horizon(point, patch.normal);
             if mask == 0 && !near {
                 continue;
             }
             let head = work.samples.len();
-            let alone = !near && valid == ALL_VALID;
-            work.push(&patch, point, index, mask, if alone { spread } else { NONE }, near);
+            let role = match (near, valid) {
+                (true, _) => Role::Near,
+                (false, ALL_VALID) => alone,
+                (false, _) => Role::Point,
+            };
+            work.push(&patch, role, point, index, mask);
             if near {
                 let tile = patch.element_tile(k);
                 for s in (0..16).filter(|s| valid >> s & 1 == 1) {
                     let point = patch.area_sample(&tile, s);
-                    work.push(&patch, point, index, horizon_mask(shot, point, patch.normal), NONE, near);
+                    work.push(&patch, Role::Near, point, index, shot.above_horizon(point, patch.normal));
                 }
                 work.samples[head].followers = valid.count_ones() as u8;
             }
@@ -92,11 +98,10 @@ fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
     }
 }
 
-/// The spread of a patch's elements, taking all of them for parallelograms or triangles of one shape.
-fn patch_spread(patch: &Patch) -> Spread {
+/// How far a patch's elements extend: all alike if it is a triangle or a parallelogram, else those in its middle.
+fn spread(patch: &Patch) -> Spread {
     let [columns, rows] = patch.grid.map(f64::from);
     let frame = &patch.frame;
-    // In the middle of a quadrilateral that is no parallelogram.
     let (u, v) = ((frame.edge_u + 0.5 * frame.twist) / columns, (frame.edge_v + 0.5 * frame.twist) / rows);
     let vectors = match frame.layout {
         Layout::Quad => [u, v],
@@ -142,27 +147,6 @@ fn is_near(patch: &Patch, point: DVec3, shot: &Shot) -> bool {
     away.length_squared() < reach * reach
 }
 
-/// The cells that lie above the point's horizon and face it.
-fn horizon_mask(shot: &Shot, point: DVec3, normal: DVec3) -> u64 {
-    let above = |cells: &mut dyn Iterator<Item = DVec3>| {
-        cells.enumerate().fold(0u64, |mask, (k, to)| mask | u64::from(normal.dot(to) > 0.0) << k)
-    };
-    match (&shot.source, &shot.shooter.cells) {
-        (Source::Patch(source), Cells::Grid(grid)) => {
-            if source.normal.dot(point - source.corners[0]) <= 0.0 {
-                return 0;
-            }
-            if source.corners[..source.count].iter().all(|&c| normal.dot(c - point) > 0.0) {
-                return shot.shooter.cells.all();
-            }
-            above(&mut (0..grid.len()).map(|k| DVec3::from(grid.point(k).map(f64::from)) - point))
-        }
-        (_, Cells::Directions(d)) => above(&mut d.iter().map(|d| DVec3::from(d.map(f64::from)))),
-        (_, Cells::Points(p)) => above(&mut p.iter().map(|p| DVec3::from(p.map(f64::from)) - point)),
-        (_, Cells::Grid(_)) => 0,
-    }
-}
-
 /// Adds what was received to the elements, and renews the unshot power of their patches.
 fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, hard: bool, work: &Work) {
     let mut i = 0;
@@ -170,11 +154,11 @@ fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, hard: bool, work: 
     while i < work.samples.len() {
         let sample = &work.samples[i];
         let followers = usize::from(sample.followers);
-        let Received { point, mean } = work.received[i];
+        let Received { point, mean } = work.packet.received()[i];
         let mean: [f64; 3] = if followers == 0 {
             mean
         } else {
-            let sum = work.received[i + 1..=i + followers]
+            let sum = work.packet.received()[i + 1..=i + followers]
                 .iter()
                 .fold([0.0; 3], |a, b| [a[0] + b.point[0], a[1] + b.point[1], a[2] + b.point[2]]);
             sum.map(|x| x / followers as f64)
@@ -212,23 +196,12 @@ fn renew_power(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, first: u32
 
 impl Work {
     fn clear(&mut self) {
-        self.x.clear();
-        self.y.clear();
-        self.z.clear();
-        self.plane.clear();
-        self.masks.clear();
+        self.packet.clear();
         self.samples.clear();
-        self.spreads.clear();
-        self.received.clear();
     }
 
-    fn push(&mut self, patch: &Patch, point: DVec3, element: u32, mask: u64, spread: u32, near: bool) {
-        let single = point.as_vec3();
-        self.x.push(single.x);
-        self.y.push(single.y);
-        self.z.push(single.z);
-        self.plane.push(patch.plane);
-        self.masks.push(mask);
-        self.samples.push(Sample { point, normal: patch.normal, spread, element, followers: 0, near });
+    fn push(&mut self, patch: &Patch, role: Role, point: DVec3, element: u32, mask: u64) {
+        self.packet.push_as(role, point, patch.normal, patch.plane, mask);
+        self.samples.push(Sample { element, followers: 0 });
     }
 }
