@@ -14,7 +14,7 @@
 mod field;
 mod fill;
 pub(crate) mod lattice;
-mod places;
+pub(crate) mod places;
 #[cfg(test)]
 mod tests;
 mod walls;
