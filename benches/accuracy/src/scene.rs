@@ -8,6 +8,7 @@ use ringlight::solve::{self, Control, Progress, SolveSettings, State, StopReason
 use ringlight::transport::Alone;
 use ringlight_visibility::Hierarchy;
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 /// A single MTL file.
 pub struct Material(pub String);
@@ -93,6 +94,22 @@ impl Builder {
             scene.materials.iter_mut().for_each(|m| m.double_sided = false);
         }
         scene
+    }
+}
+
+/// Our own scene of this name in `scenes/`.
+pub fn own(file: &str) -> Scene {
+    let folder = Folder(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes"));
+    let bytes = folder.read(file).unwrap();
+    scene::read(file, bytes, &folder, &ReadOptions::default()).unwrap()
+}
+
+/// The files of a folder.
+struct Folder(PathBuf);
+
+impl Resources for Folder {
+    fn read(&self, path: &str) -> std::io::Result<Bytes> {
+        std::fs::read(self.0.join(path)).map(Bytes::new)
     }
 }
 

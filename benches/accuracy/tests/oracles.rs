@@ -3,14 +3,12 @@
 use glam::{DVec2, DVec3};
 use ringlight::form_factor::contour;
 use ringlight::mesh::{self, MeshOptions, Quality};
-use ringlight::resources::{Bytes, Resources};
-use ringlight::scene::{self, ReadOptions};
 use ringlight_accuracy::method::exact;
 use ringlight_accuracy::oracle::integral;
 use ringlight_accuracy::oracle::kernel::{PatchShooter, triangles};
+use ringlight_accuracy::scene::own;
 use ringlight_visibility::{Points, reference};
 use std::f64::consts::PI;
-use std::path::PathBuf;
 
 /// Numbers between −1 and 1, always the same (SplitMix64).
 struct Random(u64);
@@ -105,31 +103,19 @@ fn blocks(corners: &[DVec3], to: DVec3) -> bool {
     a >= 0.0 && b >= 0.0 && inside && t > 0.0 && t < 1.0
 }
 
-/// Gives the files of a folder.
-struct Folder(PathBuf);
-
-impl Resources for Folder {
-    fn read(&self, path: &str) -> std::io::Result<Bytes> {
-        std::fs::read(self.0.join(path)).map(Bytes::new)
-    }
-}
-
 #[test]
 fn masks_on_our_own_scenes_equal_every_ray_against_every_triangle() {
     for file in ["office.glb", "gallery.glb", "furnace.glb", "cornell_box.obj"] {
-        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-        let bytes = Bytes::new(std::fs::read(folder.join(file)).unwrap());
-        let scene = scene::read(file, bytes, &Folder(folder), &ReadOptions::default()).unwrap();
         let options = MeshOptions { quality: Quality::Draft, ..MeshOptions::default() };
-        let mesh = mesh::build(&scene, &options).unwrap();
+        let mesh = mesh::build(&own(file), &options).unwrap();
         let (hierarchy, triangles) = (mesh::hierarchy(&mesh), triangles(&mesh));
         let random = &mut Random(9);
         let (mut blocked, mut rays) = (0, 0);
-        for _ in 0..24 {
+        for _ in 0..12 {
             let any = |random: &mut Random| mesh.patch((random.bits() % mesh.patch_count() as u64) as u32);
             let shooter = PatchShooter::new(&any(random), 8).shooter;
             // Anywhere, edges and corners of patches included.
-            let receivers: Vec<_> = (0..100)
+            let receivers: Vec<_> = (0..40)
                 .map(|k| {
                     let patch = any(random);
                     let at = DVec2::new(random.signed().abs(), random.signed().abs());

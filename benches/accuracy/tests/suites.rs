@@ -26,4 +26,5 @@ suites! {
     hemicube
     disc_sum
     convergence
+    energy
 }

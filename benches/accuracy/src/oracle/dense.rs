@@ -126,9 +126,8 @@ impl<'a> Dense<'a> {
     fn add_direct(&mut self, element: usize, emitter: &Shot, samples: &Samples, triangles: &[Triangle]) {
         let at = |receiver: &Receiver| direct(receiver, emitter, triangles);
         let mean = if emitter.light.len() == 1 { samples.average(at) } else { at(&samples.display) };
-        for c in 0..3 {
-            self.direct.mean[element][c] += mean[c];
-            self.direct.point[element][c] += mean[c];
+        for light in [&mut self.direct.mean[element], &mut self.direct.point[element]] {
+            *light = std::array::from_fn(|c| light[c] + mean[c]);
         }
     }
 
@@ -141,10 +140,9 @@ impl<'a> Dense<'a> {
             for (j, patch) in self.patches.iter().enumerate() {
                 for e in patch.elements().map(|e| e as usize) {
                     let new = gather(&self.mean[e], &radiosity, self.direct.mean[e]);
-                    for c in 0..3 {
-                        change = change.max((new[c] - solution.mean[e][c]).abs() / new[c].max(f64::MIN_POSITIVE));
-                    }
-                    solution.mean[e] = new;
+                    let old = std::mem::replace(&mut solution.mean[e], new);
+                    let changes = old.iter().zip(new).map(|(old, new)| (new - old).abs() / new.max(f64::MIN_POSITIVE));
+                    change = changes.fold(change, f64::max);
                 }
                 self.shine(j, &solution.mean, &mut radiosity[j * self.cells..][..self.cells]);
             }

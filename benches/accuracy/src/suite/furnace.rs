@@ -45,7 +45,7 @@ fn random(seed: &mut u64) -> f32 {
 
 /// Manufactured furnace: any reflectance ρ and exitance 1 − ρ, so that B = ρ·1 + (1 − ρ) = 1 solves the radiosity equation
 /// for any closed geometry: every point then sees B = 1 in all directions, E = 1.
-fn manufactured(element: f64) -> Meshed {
+pub(super) fn manufactured(element: f64) -> Meshed {
     let mut seed = 7;
     let mut builder = Builder::default();
     let mut material = |b: &mut Builder| {
@@ -59,7 +59,7 @@ fn manufactured(element: f64) -> Meshed {
 }
 
 /// Deviations of B from 1 over all elements that are not wholly covered, all channels.
-fn deviations(scene: &Meshed, state: &State) -> Vec<f64> {
+pub(super) fn deviations(scene: &Meshed, state: &State) -> Vec<f64> {
     let mut found = Vec::new();
     for (cluster, light) in scene.mesh.clusters.iter().zip(&state.clusters) {
         for id in cluster.patches.clone() {

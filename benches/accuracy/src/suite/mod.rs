@@ -3,6 +3,7 @@
 mod convergence;
 mod dense;
 mod disc_sum;
+mod energy;
 mod furnace;
 mod hemicube;
 
@@ -18,4 +19,5 @@ pub const SUITES: &[Suite] = &[
     ("hemicube", hemicube::measure),
     ("disc_sum", disc_sum::measure),
     ("convergence", convergence::measure),
+    ("energy", energy::measure),
 ];
