@@ -21,5 +21,11 @@ macro_rules! suites {
 }
 
 suites! {
+    cie171_area_source
+    cie171_ground
+    cie171_interreflection
+    cornell
+    cube
     furnace
+    integrating_sphere
 }

@@ -1,6 +1,10 @@
 //! The suites, in the order of the page.
 
+mod cie171;
+mod cornell;
+mod cube;
 mod furnace;
+mod sphere;
 
 use crate::Section;
 
@@ -8,4 +12,12 @@ use crate::Section;
 pub type Suite = (&'static str, fn() -> Section);
 
 /// All suites, in the order of the page. Every one has a test of its name in `tests/suites.rs`.
-pub const SUITES: &[Suite] = &[("furnace", furnace::measure)];
+pub const SUITES: &[Suite] = &[
+    ("cie171_area_source", cie171::area_source),
+    ("cie171_ground", cie171::ground),
+    ("cie171_interreflection", cie171::interreflection),
+    ("cornell", cornell::measure),
+    ("cube", cube::measure),
+    ("furnace", furnace::measure),
+    ("integrating_sphere", sphere::measure),
+];
