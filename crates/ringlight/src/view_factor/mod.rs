@@ -2,9 +2,19 @@
 //!
 //! Geometry is held in double precision, straight from the scene: no mesh, no elements.
 
+mod clip;
+mod edges;
+mod occluders;
+mod pair;
 mod polygon;
+mod quadrature;
+mod unobstructed;
 
+pub use occluders::{Occluder, Occluders};
 pub use polygon::Polygon;
+
+use pair::Pair;
+use ringlight_visibility::NO_PLANE;
 
 /// A factor with the estimate of its error, both as exchange areas A₁F₁₂ = A₂F₂₁, m²: the one number that belongs to the
 /// pair. Divide by the area of the side from which it is looked at.
@@ -24,3 +34,37 @@ pub struct Tolerance {
     /// Of F itself, seen from the smaller of the two polygons.
     pub absolute: f64,
 }
+
+impl Default for Tolerance {
+    fn default() -> Tolerance {
+        Tolerance { relative: 1e-3, absolute: 5e-6 }
+    }
+}
+
+/// Room for intermediate results; one a thread.
+#[derive(Debug, Default)]
+pub struct Work {
+    pair: Pair,
+    unobstructed: unobstructed::Scratch,
+}
+
+/// A·F of two polygons: what one sees of the front of the other, averaged over its own front. The same bits for (a, b) and
+/// (b, a). Without occluders in the way it is exact to about ten digits whatever the tolerance is.
+pub fn exchange(
+    a: &Polygon,
+    b: &Polygon,
+    occluders: Option<&Occluders>,
+    tolerance: &Tolerance,
+    work: &mut Work,
+) -> Exchange {
+    let _ = (occluders, tolerance);
+    if (a.plane == b.plane && a.plane != NO_PLANE) || !work.pair.prepare(a, b) {
+        return Exchange::default();
+    }
+    let (area, error) = unobstructed::exchange(work.pair.face(0), work.pair.face(1), &mut work.unobstructed);
+    let metres = work.pair.unit * work.pair.unit;
+    Exchange { area: area * metres, error: error * metres }
+}
+
+#[cfg(test)]
+mod tests;
