@@ -36,7 +36,7 @@ struct Sample {
 
 /// Costs in units of one evaluation of cosθ cosθ′/r⁴, measured: a corner of the point-to-polygon form, a pair of edges.
 const COST_CORNER: usize = 8;
-const COST_EDGES: usize = 60;
+const COST_EDGES: usize = 100;
 
 /// Largest order of a rule over a polygon; above, the contour form is both faster and exact.
 const LARGEST_ORDER: usize = 8;
