@@ -22,4 +22,5 @@ macro_rules! suites {
 
 suites! {
     furnace
+    path_tracing
 }

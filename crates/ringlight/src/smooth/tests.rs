@@ -219,3 +219,17 @@ fn a_place_has_no_light_from_behind_what_stands_on_its_element() {
     let left = at(1.79, 1.95).unwrap();
     assert!(left > 7.0, "{left}");
 }
+
+#[test]
+fn covered_parts_of_an_element_have_no_light() {
+    let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nusemtl grey\nf 1 2 3 4\n";
+    let mut solution = solve(&read(obj), 4.0, 1.0);
+    paint(&mut solution, |_, _| 5.0);
+    let (element, _) = floor_at(&solution, 0.5, 0.5);
+    // The first row of samples alone is free.
+    solution.mesh.valid[element as usize] = 0x000f;
+    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
+    let surface = SurfaceLight::new(&solution, &hierarchy);
+    let rows = [0.1, 0.25, 0.3, 0.9].map(|v| surface.at(element, DVec2::new(0.4, v)));
+    assert_eq!(rows, [Some([5.0; 3]), Some([5.0; 3]), None, None]);
+}
