@@ -62,7 +62,8 @@ pub fn measure() -> Section {
         ..Section::default()
     };
     for (scene, called, bound) in SCENES {
-        let best = runs.iter().filter(|r| r.scene == scene && r.cpu <= MOST_CPU).map(|r| r.rmse).fold(f64::INFINITY, f64::min);
+        let best =
+            runs.iter().filter(|r| r.scene == scene && r.cpu <= MOST_CPU).map(|r| r.rmse).fold(f64::INFINITY, f64::min);
         let case = format!("{called}: least relative RMSE in 10 minutes on two cores");
         section.rows.push(Row { case, expected: bound, found: best, bound: Bound::AtMost });
     }
@@ -83,7 +84,8 @@ pub fn measure() -> Section {
 
 /// The table of runs with the latest date in its name.
 fn newest_runs(folder: &Path) -> PathBuf {
-    let files = std::fs::read_dir(folder).expect("benches/results is there").filter_map(|entry| Some(entry.ok()?.path()));
+    let files =
+        std::fs::read_dir(folder).expect("benches/results is there").filter_map(|entry| Some(entry.ok()?.path()));
     let runs = files.filter(|p| p.to_string_lossy().ends_with("-path-tracing.csv"));
     runs.max().expect("benches/results has runs of path_tracing.py")
 }
@@ -94,7 +96,8 @@ fn read<T: for<'a> Deserialize<'a>>(path: &Path) -> Vec<T> {
 }
 
 fn table(runs: &[Run]) -> (Vec<String>, Vec<Vec<String>>) {
-    let headings = ["scene", "patches, m", "elements, m", "cells", "until", "elements", "shots", "CPU, s", "raw", "net", "bias"];
+    let headings =
+        ["scene", "patches, m", "elements, m", "cells", "until", "elements", "shots", "CPU, s", "raw", "net", "bias"];
     let percent = |x: f64| format!("{:.2} %", 100.0 * x);
     let cells = |r: &Run| {
         vec![
@@ -124,7 +127,8 @@ fn against_time(scene: &str, called: &str, runs: &[Run], peers: &[Peer]) -> Plot
     let mut programs: Vec<&str> = peers.iter().map(|p| p.program.as_str()).collect();
     programs.dedup();
     for program in programs {
-        let points = peers.iter().filter(|p| p.scene == scene && p.program == program).map(|p| [p.cpu, p.rmse]).collect();
+        let points =
+            peers.iter().filter(|p| p.scene == scene && p.program == program).map(|p| [p.cpu, p.rmse]).collect();
         series.push(Series { name: program.into(), points: unbeaten(points) });
     }
     Plot {
@@ -139,9 +143,11 @@ fn against_time(scene: &str, called: &str, runs: &[Run], peers: &[Peer]) -> Plot
 fn unbeaten(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let mut least = f64::INFINITY;
-    points.retain(|p| p[1] < least && {
-        least = p[1];
-        true
+    points.retain(|p| {
+        p[1] < least && {
+            least = p[1];
+            true
+        }
     });
     points
 }
@@ -149,8 +155,11 @@ fn unbeaten(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
 /// Error against one setting, the others fixed; None if no run varies it.
 fn against_setting(name: &str, axis: &str, of: fn(&Run) -> f64, runs: &[Run]) -> Option<Plot> {
     let curve = |(scene, called, _): (&str, &str, f64)| {
-        let mut points: Vec<[f64; 2]> =
-            runs.iter().filter(|r| r.scene == scene && r.series.split(' ').any(|s| s == name)).map(|r| [of(r), r.rmse]).collect();
+        let mut points: Vec<[f64; 2]> = runs
+            .iter()
+            .filter(|r| r.scene == scene && r.series.split(' ').any(|s| s == name))
+            .map(|r| [of(r), r.rmse])
+            .collect();
         points.sort_by(|a, b| a[0].total_cmp(&b[0]));
         (points.len() > 1).then(|| Series { name: called.into(), points })
     };

@@ -10,12 +10,15 @@
 //! - elements of one plane that differ much are tested for a wall between them, by rays (`walls`); where there is one,
 //!   the corner has different light in different elements;
 //! - triangles that were paired, and patches of one face, form one grid (`lattice`) and need no search.
+//!
+//! Within an element the light keeps what the solver found at the sample point (`fan`). Probes ask for more: light that does
+//! not pass what stands on the element itself (`standing`).
 
 mod fan;
 mod field;
 mod fill;
 pub(crate) mod lattice;
-mod places;
+pub(crate) mod places;
 mod standing;
 #[cfg(test)]
 mod tests;

@@ -72,9 +72,11 @@ impl<'a> SurfaceLight<'a> {
 /// Whether a place of an element lies in, or on the border of, the part of a free sample.
 fn is_free(layout: Layout, valid: u16, within: DVec2) -> bool {
     const BORDER: f64 = 1e-6;
-    let free = |at: DVec2| valid >> Tile::find(layout, [4, 4], at.clamp(DVec2::ZERO, DVec2::ONE)).0 & 1 == 1;
-    valid == ALL_VALID
-        || [-BORDER, BORDER].iter().any(|&x| [-BORDER, BORDER].iter().any(|&y| free(within + DVec2::new(x, y))))
+    let free = |x: f64, y: f64| {
+        let at = (within + BORDER * DVec2::new(x, y)).clamp(DVec2::ZERO, DVec2::ONE);
+        valid >> Tile::find(layout, [4, 4], at).0 & 1 == 1
+    };
+    valid == ALL_VALID || [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)].into_iter().any(|(x, y)| free(x, y))
 }
 
 /// Weighted mean of those corners that have light.
