@@ -33,4 +33,5 @@ suites! {
     dense
     energy
     convergence
+    path_tracing
 }

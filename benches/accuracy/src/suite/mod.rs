@@ -9,6 +9,7 @@ mod disc_sum;
 mod energy;
 mod furnace;
 mod hemicube;
+mod path_tracing;
 mod sphere;
 
 use crate::Section;
@@ -30,4 +31,5 @@ pub const SUITES: &[Suite] = &[
     ("dense", dense::measure),
     ("energy", energy::measure),
     ("convergence", convergence::measure),
+    ("path_tracing", path_tracing::measure),
 ];

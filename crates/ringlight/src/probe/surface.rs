@@ -3,7 +3,7 @@
 use super::nearest::closest_on_facet;
 use super::place::{Place, Spot, Surroundings};
 use super::{Point, Reading, Status};
-use crate::smooth::Smooth;
+use crate::smooth::SurfaceLight;
 use crate::solution::Solution;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -29,18 +29,21 @@ struct Candidate {
 }
 
 /// The irradiance of the surface nearest to each point, of those whose lit side faces the same way (less than 60° between
-/// the normals), interpolated exactly as it is displayed. Of surfaces equally near, within 2·10⁻⁵ of the scene's diagonal,
-/// one that is not covered by another counts, then the one that is aligned best.
+/// the normals), interpolated as it is displayed, but not from behind what stands on the surface. Of surfaces equally near,
+/// within 2·10⁻⁵ of the scene's diagonal, one that is not covered by another counts, then the one that is aligned best.
 pub fn surface(solution: &Solution, hierarchy: &Hierarchy, points: &[Point], options: &SurfaceOptions) -> Vec<Reading> {
     let around = Surroundings::new(solution, hierarchy);
-    let smooth = Smooth::new(solution);
+    let light = SurfaceLight::new(solution, hierarchy);
     let reach = options.reach.unwrap_or(solution.mesh.sizes.element).max(around.touch);
     let read = |point: &Point| {
         let position = DVec3::from(point.position) - DVec3::from(solution.mesh.origin);
         match nearest(&around, position, DVec3::from(point.normal).normalize(), reach) {
             None => Reading::without_light(Status::Far),
             Some(found) if around.is_inside(&found.place) => Reading::without_light(Status::Inside),
-            Some(found) => Reading { irradiance: smooth.at(found.spot.element, found.spot.within), status: Status::Ok },
+            Some(found) => match light.at(found.spot.element, found.spot.within) {
+                None => Reading::without_light(Status::Inside),
+                Some(irradiance) => Reading { irradiance, status: Status::Ok },
+            },
         }
     };
     points.par_iter().map(read).collect()
