@@ -1,0 +1,42 @@
+#!/usr/bin/env python3
+"""View factors of pairs of unit squares: Ringlight beside pyviewfactor, in one session, and how many times faster it is.
+
+  view_factors.py PEER.py [PYTHON] [EXAMPLE]
+
+PEER.py prints pyviewfactor's cases as CSV lines `case,exact,value,relative error,ms per pair` and is run by PYTHON (default:
+this one), which has to have pyviewfactor and pyvista. EXAMPLE is the built example `view_factors` (default:
+target/release/examples/view_factors of this repository). Times are of wall clock: run it on an idle machine.
+"""
+import csv, os, subprocess, sys
+
+ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+if len(sys.argv) < 2 or sys.argv[1] in ("-h", "--help"):
+    sys.exit(__doc__)
+peer = os.path.abspath(sys.argv[1])
+python = sys.argv[2] if len(sys.argv) > 2 else sys.executable
+example = sys.argv[3] if len(sys.argv) > 3 else os.path.join(ROOT, "target", "release", "examples", "view_factors")
+
+theirs = subprocess.run([python, peer], cwd=os.path.dirname(peer), capture_output=True, text=True, check=True).stdout
+ours = subprocess.run([example], capture_output=True, text=True, check=True).stdout
+found = {row["case"]: row for row in csv.DictReader(ours.splitlines())}
+
+print("case,exact,pyviewfactor relative error,Ringlight relative error,pyviewfactor us,Ringlight us,times faster")
+ratios = []
+for row in csv.reader(theirs.splitlines()):
+    if len(row) != 5 or row[0] not in found:
+        continue
+    case, exact, _, error, milliseconds = row
+    mine = found[case]
+    # The peer prints eight digits; what it calls the error is of all of them.
+    value = float(row[2]) / (1 + float(error))
+    ratio = float(milliseconds) / float(mine["ms per pair"])
+    ratios.append(ratio)
+    print(f"{case},{exact},{error},{float(mine['value']) / value - 1:+.1e},{float(milliseconds) * 1e3:.1f},"
+          f"{float(mine['ms per pair']) * 1e3:.3f},{ratio:.0f}")
+if not ratios:
+    sys.exit(f"{peer} printed no case that the example knows:\n{theirs}")
+screen = found["half screen"]
+print(f"half screen: Ringlight {float(screen['value']):.7f} +- {float(screen['error estimate']):.1e}, "
+      f"{float(screen['ms per pair']) * 1e3:.0f} us; pyviewfactor:")
+print("\n".join(line for line in theirs.splitlines() if "screen" in line or "cells" in line or "whole squares" in line))
+print(f"smallest ratio of the unobstructed pairs: {min(ratios):.0f}")
