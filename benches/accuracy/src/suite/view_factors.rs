@@ -42,13 +42,22 @@ fn polygons(row: &mut impl FnMut(&str, f64, f64, Bound)) {
     let long = open(&level([0.0, 2.0], unit, 0.0, true), &level([0.0, 2.0], unit, 1.0, false)) / 2.0;
     row("C-11 rectangles 2 × 1, distance 1", 0.2858753848507147, long, EXACT);
     row("C-11 unit squares, distance 10", 0.003162056838757602, open(&square, &above(10.0)), EXACT);
-    row("unit squares, distance 1, offset by 1", 0.08605048915232734, open(&square, &level([1.0, 2.0], unit, 1.0, false)), EXACT);
+    row(
+        "unit squares, distance 1, offset by 1",
+        0.08605048915232734,
+        open(&square, &level([1.0, 2.0], unit, 1.0, false)),
+        EXACT,
+    );
     row("C-14 unit squares with a common edge", 0.2000437760754032, open(&square, &leaning(1.0, 1.0, 90.0)), EXACT);
     let floor = level([0.0, 2.0], unit, 0.0, true);
     row("C-14 l = 1, w = 2, h = 3", 0.1616940143330276, open(&floor, &leaning(1.0, 3.0, 90.0)) / 2.0, EXACT);
-    for (degrees, expected) in
-        [(30.0, 0.619028323091), (60.0, 0.370905321150), (90.0, 0.200043776075), (120.0, 0.086615001118), (150.0, 0.021345325413)]
-    {
+    for (degrees, expected) in [
+        (30.0, 0.619028323091),
+        (60.0, 0.370905321150),
+        (90.0, 0.200043776075),
+        (120.0, 0.086615001118),
+        (150.0, 0.021345325413),
+    ] {
         let case = format!("C-16-type unit squares with a common edge at {degrees}°");
         row(&case, expected, open(&square, &leaning(1.0, 1.0, degrees)), TEN_DIGITS);
     }
@@ -117,19 +126,38 @@ fn extremes(row: &mut impl FnMut(&str, f64, f64, Bound)) {
                 open(&needle, &level([0.0, 1.0], y, width, false))
             })
             .sum();
-        row(&format!("needle 1 × {width:e} under a square at its width: share of its parts"), 1.0, parts / whole, TEN_DIGITS);
+        row(
+            &format!("needle 1 × {width:e} under a square at its width: share of its parts"),
+            1.0,
+            parts / whole,
+            TEN_DIGITS,
+        );
     }
 }
 
 /// Factors from a point, `form_factor::contour` and `form_factor::polygon`.
 fn elements(row: &mut impl FnMut(&str, f64, f64, Bound)) {
-    let at = |corners: [[f64; 3]; 4], normal: DVec3| {
-        form_factor::contour(DVec3::ZERO, normal, &corners.map(DVec3::from))
-    };
+    let at =
+        |corners: [[f64; 3]; 4], normal: DVec3| form_factor::contour(DVec3::ZERO, normal, &corners.map(DVec3::from));
     let rectangle = |low: f64, high: f64| [[low, low, 1.0], [high, low, 1.0], [high, high, 1.0], [low, high, 1.0]];
-    row("element parallel to a unit square at 1, under its corner", 0.138531605994893, at(rectangle(0.0, 1.0), DVec3::Z), EXACT);
-    row("element parallel to a unit square at 1, under its centre", 0.2394564704607735, at(rectangle(-0.5, 0.5), DVec3::Z), EXACT);
-    row("element upright to a unit square at 1, under its corner", 0.0557341970025535, at(rectangle(0.0, 1.0), DVec3::X), EXACT);
+    row(
+        "element parallel to a unit square at 1, under its corner",
+        0.138531605994893,
+        at(rectangle(0.0, 1.0), DVec3::Z),
+        EXACT,
+    );
+    row(
+        "element parallel to a unit square at 1, under its centre",
+        0.2394564704607735,
+        at(rectangle(-0.5, 0.5), DVec3::Z),
+        EXACT,
+    );
+    row(
+        "element upright to a unit square at 1, under its corner",
+        0.0557341970025535,
+        at(rectangle(0.0, 1.0), DVec3::X),
+        EXACT,
+    );
     let point = |n: u32| form_factor::polygon(&disc(1.0, 1.0, false, n).corners, DVec3::Z);
     row("B-12 element to disc, r = 1, h = 1", 0.5, extrapolated(64, 2, point), EXTRAPOLATED);
     // The rim that is seen, 60° from the axis, is a ring of corners.
@@ -148,9 +176,11 @@ fn elements(row: &mut impl FnMut(&str, f64, f64, Bound)) {
 }
 
 fn curved(row: &mut impl FnMut(&str, f64, f64, Bound)) {
-    let discs = |below: f64| move |n: u32| {
-        let from = disc(below, 0.0, true, n);
-        open(&from, &disc(1.0, 1.0, false, n)) / from.area
+    let discs = |below: f64| {
+        move |n: u32| {
+            let from = disc(below, 0.0, true, n);
+            open(&from, &disc(1.0, 1.0, false, n)) / from.area
+        }
     };
     row("C-40 discs r = 1 and 1, h = 1", 0.3819660112501052, extrapolated(32, 2, discs(1.0)), EXTRAPOLATED);
     row("C-41 discs r = 2 and 1, h = 1", 0.1909830056250526, extrapolated(32, 2, discs(2.0)), EXTRAPOLATED);

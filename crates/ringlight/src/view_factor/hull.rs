@@ -107,7 +107,7 @@ mod tests {
         // The wall's foot runs through the floor's plane on both sides of a piece's edge, its corners rounded off the plane.
         let floor = [[0.4, 0.3, 0.], [0.7, 0.35, 0.], [0.5, 0.8, 0.]].map(DVec3::from);
         for (first, second) in [(1e-17, -1e-17), (-1e-17, 1e-17), (-1e-17, -1e-17), (0.0, 0.0)] {
-            let mut wall = vec![[0.1, -1., first], [0.1, 2., second], [0.1, 2., 1.], [0.1, -1., 1.]];
+            let mut wall = [[0.1, -1., first], [0.1, 2., second], [0.1, 2., 1.], [0.1, -1., 1.]];
             for _ in 0..4 {
                 wall.rotate_left(1);
                 let wall: Vec<DVec3> = wall.iter().copied().map(DVec3::from).collect();
@@ -126,9 +126,8 @@ mod tests {
         high.reverse();
         let mut sides = Vec::new();
         hull(face(&low), face(&high), 1e-13, &mut sides);
-        let reaches = |triangle: [[f64; 3]; 3]| {
-            reaches_into(&triangle.map(DVec3::from), &sides, 1e-13, &mut Default::default())
-        };
+        let reaches =
+            |triangle: [[f64; 3]; 3]| reaches_into(&triangle.map(DVec3::from), &sides, 1e-13, &mut Default::default());
         // Around everything; through it with all corners outside; beside it; in its rim; with a corner in its rim.
         assert!(reaches([[-9., -9., 0.5], [9., -9., 0.5], [0., 20., 0.5]]));
         assert!(reaches([[-1., 0.5, 0.2], [2., 0.5, 0.3], [0.5, 0.5, 5.]]));
