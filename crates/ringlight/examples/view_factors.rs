@@ -13,7 +13,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 /// Runs of which the median counts; short ones, so that most of them are not interrupted.
-const RUNS: usize = 41;
+const RUNS: usize = 201;
 
 fn main() {
     let polygon =
@@ -38,7 +38,7 @@ fn main() {
         let mut times: Vec<f64> = (0..RUNS)
             .map(|_| {
                 let begin = Instant::now();
-                let times = if occluders.is_some() { 4 } else { 500 };
+                let times = if occluders.is_some() { 1 } else { 100 };
                 for _ in 0..times {
                     black_box(pair());
                 }
