@@ -50,7 +50,6 @@ pub(crate) fn exchange(a: Face, b: Face, scratch: &mut Scratch) -> (f64, f64) {
     let both = cost(count_a.zip(count_b).map(|(n, m)| n * m), 1);
     let from_a = cost(count_a, COST_CORNER * b.corners.len());
     let from_b = cost(count_b, COST_CORNER * a.corners.len());
-    let least = contour.min(both).min(from_a).min(from_b);
     let [points_a, points_b] = &scratch.points;
     let mut least = contour.min(both).min(from_a).min(from_b);
     if least == contour {
