@@ -21,6 +21,8 @@ macro_rules! suites {
 }
 
 suites! {
+    view_factors
+    obstructed_view_factors
     hemicube
     disc_sum
     cie171_area_source

@@ -9,8 +9,10 @@ mod disc_sum;
 mod energy;
 mod furnace;
 mod hemicube;
+mod obstructed_view_factors;
 mod path_tracing;
 mod sphere;
+mod view_factors;
 
 use crate::Section;
 
@@ -19,6 +21,8 @@ pub type Suite = (&'static str, fn() -> Section);
 
 /// All suites, in the order of the page. Every one has a test of its name in `tests/suites.rs`.
 pub const SUITES: &[Suite] = &[
+    ("view_factors", view_factors::measure),
+    ("obstructed_view_factors", obstructed_view_factors::measure),
     ("hemicube", hemicube::measure),
     ("disc_sum", disc_sum::measure),
     ("cie171_area_source", cie171::area_source),

@@ -35,8 +35,8 @@ struct Sample {
 }
 
 /// Costs in units of one evaluation of cosθ cosθ′/r⁴, measured: a corner of the point-to-polygon form, a pair of edges.
-const COST_CORNER: usize = 8;
-const COST_EDGES: usize = 100;
+const COST_CORNER: usize = 25;
+const COST_EDGES: usize = 200;
 
 /// Largest order of a rule over a polygon; above, the contour form is both faster and exact.
 const LARGEST_ORDER: usize = 8;
@@ -50,24 +50,35 @@ pub(crate) fn exchange(a: Face, b: Face, scratch: &mut Scratch) -> (f64, f64) {
     let both = cost(count_a.zip(count_b).map(|(n, m)| n * m), 1);
     let from_a = cost(count_a, COST_CORNER * b.corners.len());
     let from_b = cost(count_b, COST_CORNER * a.corners.len());
-    let least = contour.min(both).min(from_a).min(from_b);
     let [points_a, points_b] = &scratch.points;
+    let mut least = contour.min(both).min(from_a).min(from_b);
+    if least == contour {
+        // Its terms are as large as the pair and cancel; where little is left, a rule is better.
+        let area = double_contour(a, b);
+        let rounding = CONTOUR_ROUNDING * (a.corners.len() * b.corners.len()) as f64;
+        least = both.min(from_a).min(from_b);
+        if least == usize::MAX || rounding <= PRECISE * area {
+            return with_error(area, rounding);
+        }
+    }
     if least == both {
         with_error(product(a, points_a, b, points_b), 0.0)
     } else if least == from_a {
         with_error(from_points(a, points_a, b, &mut scratch.relative), POINT_ROUNDING * total(points_a))
-    } else if least == from_b {
-        with_error(from_points(b, points_b, a, &mut scratch.relative), POINT_ROUNDING * total(points_b))
     } else {
-        let (area, terms) = double_contour(a, b);
-        with_error(area, 4.0 * f64::EPSILON * terms)
+        with_error(from_points(b, points_b, a, &mut scratch.relative), POINT_ROUNDING * total(points_b))
     }
 }
 
-/// The rules are good to about 1e-10 of the result.
+/// What the rules are good to, as a share of the result.
+const PRECISE: f64 = 1e-10;
+
+/// What a pair of edges rounds in the contour form, in the unit squared.
+const CONTOUR_ROUNDING: f64 = 4.0 * f64::EPSILON;
+
 fn with_error(area: f64, rounding: f64) -> (f64, f64) {
     let area = area.max(0.0);
-    (area, 1e-10 * area + rounding)
+    (area, PRECISE * area + rounding)
 }
 
 /// What the point-to-polygon form rounds, absolutely: its angles are added with both signs.
@@ -147,16 +158,9 @@ fn from_points(a: Face, points: &[Sample], b: Face, relative: &mut Vec<DVec3>) -
     sum
 }
 
-/// The contour form, and the sum of its terms' amounts.
-fn double_contour(a: Face, b: Face) -> (f64, f64) {
+/// The contour form.
+fn double_contour(a: Face, b: Face) -> f64 {
     let edge = |f: Face, k: usize| [f.corners[k], f.corners[if k + 1 == f.corners.len() { 0 } else { k + 1 }]];
-    let (mut sum, mut terms) = (0.0, 0.0);
-    for i in 0..a.corners.len() {
-        for j in 0..b.corners.len() {
-            let term = edges::pair(edge(a, i), edge(b, j));
-            sum += term;
-            terms += term.abs();
-        }
-    }
-    (sum / TAU, terms / TAU)
+    let pairs = (0..a.corners.len()).flat_map(|i| (0..b.corners.len()).map(move |j| (i, j)));
+    pairs.map(|(i, j)| edges::pair(edge(a, i), edge(b, j))).sum::<f64>() / TAU
 }
