@@ -111,7 +111,7 @@ fn averaged(normal_up: DVec3, rectangle: &[DVec3], n: u32) -> f64 {
 
 #[test]
 fn the_contour_averaged_over_a_square_gives_the_published_factors_of_the_cube() {
-    // Howell's catalogue C-11 and C-14 for unit squares: opposite ones, and ones that share an edge.
+    // Unit squares: opposite ones (Howell's catalogue, C-11), and by closure ones that share an edge.
     let opposite = {
         let logarithm = (4.0f64 / 3.0).sqrt().ln();
         let arcs = 2.0 * 2.0f64.sqrt() * (1.0 / 2.0f64.sqrt()).atan() - 2.0 * 1.0f64.atan();
