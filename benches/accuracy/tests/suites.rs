@@ -21,10 +21,17 @@ macro_rules! suites {
 }
 
 suites! {
-    furnace
-    dense
     hemicube
     disc_sum
-    convergence
+    cie171_area_source
+    cie171_ground
+    cie171_interreflection
+    cornell
+    cube
+    furnace
+    integrating_sphere
+    dense
     energy
+    convergence
+    path_tracing
 }

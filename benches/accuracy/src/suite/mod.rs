@@ -1,11 +1,16 @@
 //! The suites, in the order of the page.
 
+mod cie171;
 mod convergence;
+mod cornell;
+mod cube;
 mod dense;
 mod disc_sum;
 mod energy;
 mod furnace;
 mod hemicube;
+mod path_tracing;
+mod sphere;
 
 use crate::Section;
 
@@ -14,10 +19,17 @@ pub type Suite = (&'static str, fn() -> Section);
 
 /// All suites, in the order of the page. Every one has a test of its name in `tests/suites.rs`.
 pub const SUITES: &[Suite] = &[
-    ("furnace", furnace::measure),
-    ("dense", dense::measure),
     ("hemicube", hemicube::measure),
     ("disc_sum", disc_sum::measure),
-    ("convergence", convergence::measure),
+    ("cie171_area_source", cie171::area_source),
+    ("cie171_ground", cie171::ground),
+    ("cie171_interreflection", cie171::interreflection),
+    ("cornell", cornell::measure),
+    ("cube", cube::measure),
+    ("furnace", furnace::measure),
+    ("integrating_sphere", sphere::measure),
+    ("dense", dense::measure),
     ("energy", energy::measure),
+    ("convergence", convergence::measure),
+    ("path_tracing", path_tracing::measure),
 ];

@@ -4,8 +4,8 @@
 //! its element takes its light from its free samples, so that contacts leave no black rims.
 
 use super::plane::RELATIVE_TOLERANCE;
-use super::{ALL_VALID, Facet, Frame, Mesh, NONE, Patch};
-use glam::DVec3;
+use super::{ALL_VALID, Facet, Frame, Mesh, NONE, Patch, Tile};
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, Layout, NO_PLANE, Ray, Triangle};
 
@@ -21,6 +21,17 @@ pub fn order(layout: Layout) -> (&'static [u8; 16], u16) {
         Layout::Quad => (&QUAD_ORDER, 1 << 5 | 1 << 6 | 1 << 9 | 1 << 10),
         Layout::Triangle => (&TRIANGLE_ORDER, 1 << 9),
     }
+}
+
+/// Where within an element its sample point lies: see [`Patch::sample_point`].
+pub fn sample_parameters(layout: Layout, valid: u16) -> Option<DVec2> {
+    let middle = Frame::middle(layout);
+    let (order, innermost) = order(layout);
+    if valid & innermost == innermost {
+        return Some(middle);
+    }
+    let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
+    Some(Tile::of(layout, [4, 4], sample.into()).at(middle))
 }
 
 /// Surfaces nearer than this share of an element's width touch it.

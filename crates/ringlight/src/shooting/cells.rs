@@ -5,12 +5,61 @@ use crate::mesh::{ALL_VALID, Frame, Patch, Tile};
 use glam::DVec2;
 use ringlight_visibility::Layout;
 
-/// A patch whose light is to be shared among `side`² cells.
-pub struct Sharing<'a> {
+/// How light between the elements of a patch follows from theirs.
+#[derive(Clone, Copy, Debug)]
+pub struct Interpolation<'a> {
     /// The patch.
     pub patch: &'a Patch,
     /// Free samples of each element.
     pub valid: &'a [u16],
+}
+
+impl Interpolation<'_> {
+    /// Whether the patch is covered at parameters `at`.
+    pub fn is_covered(&self, at: DVec2) -> bool {
+        let layout = self.patch.frame.layout;
+        let (element, within) = Tile::find(layout, self.patch.grid, at);
+        self.valid[element as usize] >> Tile::find(layout, [4, 4], within).0 & 1 == 0
+    }
+
+    /// Whether some part of the patch is covered.
+    pub fn is_partly_covered(&self) -> bool {
+        self.valid.iter().any(|&v| v != ALL_VALID)
+    }
+
+    /// Calls with the elements that light at `at` comes from and their shares, which sum to 1: between the middles of the
+    /// elements of a quadrilateral that have a free part, constant beyond the outermost middles; in triangles the element
+    /// there.
+    pub fn shares(&self, at: DVec2, mut add: impl FnMut(usize, f64)) {
+        let grid = self.patch.grid;
+        if self.patch.frame.layout == Layout::Triangle {
+            return add(Tile::find(Layout::Triangle, grid, at).0 as usize, 1.0);
+        }
+        let axis = |t: f64, n: u32| {
+            let x = (t * f64::from(n) - 0.5).clamp(0.0, f64::from(n - 1));
+            let low = (x as u32).min(n.saturating_sub(2));
+            let share = x - f64::from(low);
+            [(low, 1.0 - share), ((low + 1).min(n - 1), share)]
+        };
+        let (columns, rows) = (axis(at.x, grid[0]), axis(at.y, grid[1]));
+        let mut free = [(0, 0.0); 4];
+        let mut total = 0.0;
+        for (i, corner) in free.iter_mut().enumerate() {
+            let ((column, wide), (row, high)) = (columns[i % 2], rows[i / 2]);
+            let element = (row * grid[0] + column) as usize;
+            if wide * high > 0.0 && self.valid[element] != 0 {
+                *corner = (element, wide * high);
+                total += wide * high;
+            }
+        }
+        free.iter().filter(|(_, weight)| *weight > 0.0).for_each(|&(element, weight)| add(element, weight / total));
+    }
+}
+
+/// A patch whose light is to be shared among `side`² cells.
+pub struct Sharing<'a> {
+    /// How light between elements follows from theirs.
+    pub interpolation: Interpolation<'a>,
     /// Cells along a side.
     pub side: u32,
     /// Area of each cell, m².
@@ -22,9 +71,9 @@ impl Sharing<'_> {
     /// elements' middles, scaled for each element so that its power is exact. Covered cells are seen by nobody: open
     /// ones shoot their share.
     pub fn radiosity(&self, power: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let layout = self.patch.frame.layout;
+        let layout = self.interpolation.patch.frame.layout;
         let mut usable: Vec<bool> = (0..self.areas.len())
-            .map(|k| !self.is_covered(layout.centre(self.side, k).map(f64::from).into()))
+            .map(|k| !self.interpolation.is_covered(layout.centre(self.side, k).map(f64::from).into()))
             .collect();
         if !usable.contains(&true) {
             usable.fill(true);
@@ -48,56 +97,21 @@ impl Sharing<'_> {
     /// Calls with cell, element and the share of the cell's light that is the element's, for regular samples of the cells
     /// that fit both cells and elements: then interpolation keeps the mean, unless something is covered.
     fn visit(&self, usable: &[bool], mut add: impl FnMut(usize, usize, f64)) {
-        let layout = self.patch.frame.layout;
+        let Interpolation { patch, .. } = self.interpolation;
+        let layout = patch.frame.layout;
         // As fine as the elements, or as their samples where some are covered.
-        let finer = if self.valid.iter().any(|&v| v != ALL_VALID) { 4 } else { 1 };
-        let fine = self.patch.grid.map(|n| finer * n / greatest_common_divisor(finer * n, self.side));
+        let finer = if self.interpolation.is_partly_covered() { 4 } else { 1 };
+        let fine = patch.grid.map(|n| finer * n / greatest_common_divisor(finer * n, self.side));
         let samples = fine[0] * fine[1];
         for k in (0..usable.len()).filter(|&k| usable[k]) {
             let cell = Tile::of(layout, [self.side; 2], k as u32);
             for s in 0..samples {
                 let at = cell.compose(Tile::of(layout, fine, s)).at(Frame::middle(layout));
-                if self.is_covered(at) {
-                    continue;
-                }
-                match layout {
-                    Layout::Quad => self.bilinear(at, |element, share| add(k, element, share / f64::from(samples))),
-                    Layout::Triangle => {
-                        add(k, Tile::find(layout, self.patch.grid, at).0 as usize, 1.0 / f64::from(samples));
-                    }
+                if !self.interpolation.is_covered(at) {
+                    self.interpolation.shares(at, |element, share| add(k, element, share / f64::from(samples)));
                 }
             }
         }
-    }
-
-    /// Whether the patch is covered at parameters `at`.
-    fn is_covered(&self, at: DVec2) -> bool {
-        let layout = self.patch.frame.layout;
-        let (element, within) = Tile::find(layout, self.patch.grid, at);
-        self.valid[element as usize] >> Tile::find(layout, [4, 4], within).0 & 1 == 0
-    }
-
-    /// Interpolation between the middles of the elements that have a free part; constant beyond the outermost middles.
-    fn bilinear(&self, at: DVec2, mut add: impl FnMut(usize, f64)) {
-        let grid = self.patch.grid;
-        let axis = |t: f64, n: u32| {
-            let x = (t * f64::from(n) - 0.5).clamp(0.0, f64::from(n - 1));
-            let low = (x as u32).min(n.saturating_sub(2));
-            let share = x - f64::from(low);
-            [(low, 1.0 - share), ((low + 1).min(n - 1), share)]
-        };
-        let (columns, rows) = (axis(at.x, grid[0]), axis(at.y, grid[1]));
-        let mut free = [(0, 0.0); 4];
-        let mut total = 0.0;
-        for (i, corner) in free.iter_mut().enumerate() {
-            let ((column, wide), (row, high)) = (columns[i % 2], rows[i / 2]);
-            let element = (row * grid[0] + column) as usize;
-            if wide * high > 0.0 && self.valid[element] != 0 {
-                *corner = (element, wide * high);
-                total += wide * high;
-            }
-        }
-        free.iter().filter(|(_, weight)| *weight > 0.0).for_each(|&(element, weight)| add(element, weight / total));
     }
 }
 

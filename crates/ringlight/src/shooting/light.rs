@@ -92,6 +92,14 @@ pub fn unshot_radiosity(mesh: &Mesh, patch: &Patch, element: u32, light: &Elemen
     })
 }
 
+/// Radiosity B of element `element`, of the part that is free of other geometry: exitance and all that it reflects, shot or
+/// not.
+pub fn radiosity(mesh: &Mesh, patch: &Patch, element: u32, light: &ElementLight) -> [f64; 3] {
+    let colour = mesh.colour(patch, element);
+    let (returned, mean) = (colour.returned(), light.mean());
+    std::array::from_fn(|c| f64::from(colour.exitance[c]) + f64::from(returned[c]) * f64::from(mean[c]).max(0.0))
+}
+
 /// Unshot power of a patch, W or lm, summed over channels in element order.
 pub fn unshot_power(mesh: &Mesh, patch: &Patch, elements: &[ElementLight], emission: bool) -> f64 {
     elements

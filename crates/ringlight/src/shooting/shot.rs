@@ -1,10 +1,10 @@
 //! A shot: what travels from the shooter's owner to all receivers.
 
-use super::cells::Sharing;
+use super::field::Field;
 use super::light::{ClusterLight, unshot_radiosity};
-use crate::mesh::{ALL_VALID, Mesh, Patch};
-use glam::{DVec2, DVec3};
-use ringlight_visibility::{Cells, Grid, Shooter};
+use crate::mesh::{Frame, Mesh, Patch};
+use glam::DVec3;
+use ringlight_visibility::Shooter;
 use serde::{Deserialize, Serialize};
 
 /// Which distribution of its unshot radiosity a patch shoots.
@@ -57,6 +57,8 @@ pub enum Source {
 pub struct PatchSource {
     /// Number of the patch.
     pub patch: u32,
+    /// Geometry.
+    pub frame: Frame,
     /// Corners; `count` of them are valid.
     pub corners: [DVec3; 4],
     /// Number of corners.
@@ -75,67 +77,15 @@ pub struct PatchSource {
     pub density: [f32; 64],
 }
 
-/// The shot of a patch with `side`² cells: its unshot light, interpolated from its elements, their power
-/// exact (DESIGN section 3; with equal weights it is the paper's).
+/// The shot of a patch with `side`² cells: its unshot light.
 pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize, side: u32, shoot: Shoot) -> Shot {
     let cluster_patch = &light.patches[first];
-    let elements = patch_elements(mesh, patch, light);
-    let radiosity: Vec<[f64; 3]> = elements
+    let radiosity: Vec<[f64; 3]> = patch_elements(mesh, patch, light)
         .iter()
         .enumerate()
         .map(|(k, e)| unshot_radiosity(mesh, patch, patch.first_element + k as u32, e, cluster_patch.emission_waits))
         .collect();
-    let free_area = |k: usize| patch.element_area(k as u32) * mesh.valid_share(patch.first_element + k as u32);
-    let mut mean = [0.0; 3];
-    for (k, b) in radiosity.iter().enumerate() {
-        (0..3).for_each(|c| mean[c] += free_area(k) / patch.area * b[c]);
-    }
-    let frame = &patch.frame;
-    let cells = (side * side) as usize;
-    let mut density = [0.0f32; 64];
-    for (k, d) in density.iter_mut().enumerate().take(cells) {
-        let [u, v] = frame.layout.centre(side, k).map(f64::from);
-        *d = frame.relative_density(DVec2::new(u, v)) as f32;
-    }
-    let mut weights = vec![mean; cells];
-    let valid = &mesh.valid[patch.first_element as usize..][..radiosity.len()];
-    if shoot == Shoot::Elements && (radiosity.len() > 1 || valid[0] != ALL_VALID) {
-        let areas = density.map(|d| f64::from(d) * patch.area / cells as f64);
-        let power: Vec<[f64; 3]> = radiosity.iter().enumerate().map(|(k, b)| b.map(|b| b * free_area(k))).collect();
-        weights = Sharing { patch, valid, side, areas: &areas[..cells] }.radiosity(&power);
-    }
-    let (corners, count) = frame.corners();
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut diameter = 0.0f64;
-    for &a in &corners[..count] {
-        (low, high) = (low.min(a), high.max(a));
-        diameter = corners[..count].iter().map(|&b| (a - b).length()).fold(diameter, f64::max);
-    }
-    let single = |p: DVec3| p.as_vec3().to_array();
-    let grid = Grid {
-        origin: single(frame.origin),
-        edge_u: single(frame.edge_u),
-        edge_v: single(frame.edge_v),
-        twist: single(frame.twist),
-        layout: frame.layout,
-        side,
-    };
-    Shot {
-        shooter: Shooter { cells: Cells::Grid(grid), plane: patch.plane, far: FAR },
-        light: weights.iter().map(|w| w.map(|x| x as f32)).collect(),
-        source: Source::Patch(Box::new(PatchSource {
-            patch: patch.id,
-            corners,
-            count,
-            normal: patch.normal,
-            area: patch.area,
-            diameter,
-            low,
-            high,
-            density,
-        })),
-        power: cluster_patch.unshot_power,
-    }
+    Field::new(mesh, patch, &radiosity).shot(side, shoot, cluster_patch.unshot_power)
 }
 
 /// Hits in the last ten-thousandth of the way to a cell do not count.

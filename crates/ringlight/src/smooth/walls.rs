@@ -2,9 +2,9 @@
 
 use super::field::{Part, Side, element_of};
 use super::lattice::Lattice;
-use crate::mesh::{self, Mesh};
+use crate::mesh::{Mesh, Tile};
 use crate::quantity::{Rgb, photometric};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use ringlight_visibility::{Hierarchy, Ray};
 
 /// Elements whose light differs by less than this ratio are averaged without looking for a wall between them.
@@ -19,13 +19,13 @@ const LIFT: f64 = 0.05;
 /// Finds walls by rays just above the surface.
 pub struct Walls<'a> {
     mesh: &'a Mesh,
-    hierarchy: Hierarchy,
+    hierarchy: &'a Hierarchy,
 }
 
 impl<'a> Walls<'a> {
-    /// All occluders of a mesh.
-    pub fn new(mesh: &'a Mesh) -> Walls<'a> {
-        Walls { mesh, hierarchy: mesh::hierarchy(mesh) }
+    /// Among the occluders of a mesh.
+    pub fn new(mesh: &'a Mesh, hierarchy: &'a Hierarchy) -> Walls<'a> {
+        Walls { mesh, hierarchy }
     }
 
     /// Whether the light of the parts in the plane of facet `facet` differs so much that something may stand between them.
@@ -57,6 +57,29 @@ impl<'a> Walls<'a> {
         }
     }
 
+    /// Keeps the parts whose light is seen from `place`, parameters within cell `cell` of `side`. Parts in other planes stay
+    /// if any of this plane does.
+    pub fn keep_seen_from(&self, side: Side, cell: u32, place: DVec2, parts: &mut Vec<Part>) {
+        let facet = &self.mesh.facets[side.facet as usize];
+        let (frame, lattice) = (facet.frame(), Lattice::of(facet));
+        let tile = Tile::of(lattice.layout, lattice.size, cell);
+        let reach = frame.at(lattice.middle(cell)) - frame.at(tile.at(DVec2::ZERO));
+        let lift = LIFT * reach.length() * self.normal(side);
+        let from = frame.at(tile.at(place)) + lift;
+        let mut near = false;
+        parts.retain(|part| {
+            if self.mesh.facets[part.side.facet as usize].plane != facet.plane {
+                return true;
+            }
+            let seen = self.sample_point(part).is_some_and(|to| self.free(from, to + lift, facet.plane));
+            near |= seen;
+            seen
+        });
+        if !near {
+            parts.clear();
+        }
+    }
+
     fn normal(&self, side: Side) -> DVec3 {
         let normal = self.mesh.facets[side.facet as usize].frame().area_vector().normalize();
         if side.back { -normal } else { normal }
@@ -76,6 +99,9 @@ impl<'a> Walls<'a> {
     }
 
     fn free(&self, from: DVec3, to: DVec3, plane: u32) -> bool {
+        if from == to {
+            return true;
+        }
         let ray = Ray {
             origin: from.as_vec3().to_array(),
             direction: (to - from).as_vec3().to_array(),

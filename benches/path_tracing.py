@@ -1,0 +1,155 @@
+#!/usr/bin/env python3
+"""Bakes the path tracing harness's scenes and compares with its references: one row of CSV for each run.
+
+  path_tracing.py HARNESS [--only cornell|office] [--set NAME ...] [--most-seconds S] [-o CSV] [--worst N] [--threads N]
+
+HARNESS is the folder with scenes.py, compare.py and refs/; its scenes must have been written (`scenes.py cornell office`,
+into HARNESS/data or $RINGBENCH_DATA). Each run bakes NAME.obj, probes the solution at the harness's element centres
+(`ringlight probe --how surface`) and gives the relative RMSE over the elements that the harness keeps, as compare.py has it:
+  rmse_raw  as measured                      rmse  the reference's own standard error taken off in squares
+  bias      of the area-weighted mean        cpu   user and system time of the bake, all threads, seconds
+Points that the probe finds inside things count as dark, as in the reference; `inside` is their number.
+Rows are appended to the CSV (default: benches/results/DATE-path-tracing.csv), and runs that are there already are left
+out, so that a stopped series goes on. Needs numpy; RINGLIGHT names the command (default: target/release/ringlight).
+"""
+import argparse, csv, datetime, importlib.util, json, os, subprocess, sys, tempfile, time
+import numpy as np
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+COMMAND = os.environ.get("RINGLIGHT", os.path.join(HERE, "..", "target", "release", "ringlight"))
+SETTINGS = ["scene", "patch", "element", "cells", "until"]
+COLUMNS = ["series"] + SETTINGS + ["patches", "elements", "shots", "threads", "cpu", "wall", "rmse_raw", "rmse", "bias",
+                                   "reference_error", "inside", "points", "worst"]
+
+# What is varied, one thing at a time, around one discretisation of each scene: sizes in metres.
+SERIES = {}
+
+
+def runs(names, only):
+    """Settings of all runs of the named series, without those that come twice."""
+    seen = set()
+    for scene in ("cornell", "office"):
+        for name in names:
+            for settings in SERIES[name].get(scene, []):
+                if (only is None or scene == only) and (scene, *settings) not in seen:
+                    seen.add((scene, *settings))
+                    yield name, dict(zip(SETTINGS, (scene, *settings)))
+
+
+def timed(command, limit):
+    """Runs a command; gives its CPU time and its wall time, seconds."""
+    start = time.monotonic()
+    process = subprocess.Popen(command)
+    try:
+        while True:
+            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+            if pid:
+                break
+            if time.monotonic() - start > limit:
+                process.kill()
+            time.sleep(0.02)
+    except BaseException:
+        process.kill()
+        raise
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode != 0:
+        raise RuntimeError(f"exit code {process.returncode}: {' '.join(command)}")
+    return usage.ru_utime + usage.ru_stime, time.monotonic() - start
+
+
+def compare(scene, reference, found):
+    """Relative RMSE over the kept elements, as the harness's compare.py."""
+    keep = scene.keep
+    weight = (scene.ea[keep] / scene.ea[keep].sum())[:, None]
+    exact, error, off = reference[keep, :3], reference[keep, 3:], found[keep] - reference[keep, :3]
+    mean = (weight * exact).sum() / 3
+    raw, own = (weight * off**2).sum() / 3, (weight * error**2).sum() / 3
+    return {"rmse_raw": raw**0.5 / mean, "rmse": max(raw - own, 0) ** 0.5 / mean, "bias": (weight * off).sum() / 3 / mean,
+            "reference_error": own**0.5 / mean, "points": int(keep.sum())}
+
+
+def worst(scene, reference, found, count):
+    """The elements with the largest share of the squared error: number, found and exact mean over RGB, share."""
+    squares = (scene.ea[:, None] * (found - reference[:, :3]) ** 2).sum(1) * scene.keep
+    order = np.argsort(-squares, kind="stable")[:count]
+    return [(int(e), found[e].mean(), reference[e, :3].mean(), squares[e] / squares.sum()) for e in order]
+
+
+def probe(solution, points, folder):
+    """The irradiance that the solution shows at the points, and how many of them are inside things."""
+    out = os.path.join(folder, "probed.csv")
+    subprocess.run([COMMAND, "probe", solution, "--how", "surface", "--points", points, "-o", out, "--quiet"], check=True)
+    with open(out, newline="") as file:
+        rows = list(csv.DictReader(file))
+    return np.array([[float(row[c]) for c in ("e_r", "e_g", "e_b")] for row in rows]), sum(r["status"] == "inside" for r in rows)
+
+
+def run(harness, data, settings, arguments):
+    scene, reference = settings["scene"], np.load(os.path.join(arguments.harness, "refs", f"{settings['scene']}.centre.ref.npy"))
+    elements = harness.Scene(scene)
+    with tempfile.TemporaryDirectory() as folder:
+        points, solution = os.path.join(folder, "points.csv"), os.path.join(folder, "solution.ringlight")
+        np.savetxt(points, np.hstack([elements.ec, elements.en]), "%.9g", ",", header="x,y,z,nx,ny,nz", comments="")
+        report = os.path.join(folder, "report.json")
+        command = [COMMAND, "bake", os.path.join(data, f"{scene}.obj"), "--unit", "m", "-o", solution, "--quiet", "--report", report]
+        command += ["--patch-size", str(settings["patch"]), "--element-size", str(settings["element"])]
+        command += ["--cells", str(settings["cells"]), "--until", str(settings["until"]), "--threads", str(arguments.threads)]
+        cpu, wall = timed(command, arguments.most_seconds)
+        with open(report) as file:
+            told = json.load(file)
+        found, inside = probe(solution, points, folder)
+    row = dict(settings, patches=told["scene"]["patches"], elements=told["scene"]["elements"], shots=told["solve"]["shots"],
+               threads=arguments.threads, cpu=round(cpu, 3), wall=round(wall, 3), inside=inside)
+    row.update({k: float(f"{v:.5g}") if isinstance(v, float) else v for k, v in compare(elements, reference.astype(float), found).items()})
+    largest = worst(elements, reference.astype(float), found, max(arguments.worst, 3))
+    row["worst"] = " ".join(f"{e}:{f:.4g}/{x:.4g}" for e, f, x, _ in largest[:3])
+    for e, f, x, share in largest[:arguments.worst]:
+        place, normal = elements.ec[e].round(3).tolist(), elements.en[e].round(2).tolist()
+        print(f"  element {e} at {place}, normal {normal}: found {f:.4g}, exact {x:.4g}, {share:.1%} of the squared error")
+    return row
+
+
+def load(path):
+    """The harness's scenes.py as a module."""
+    spec = importlib.util.spec_from_file_location("harness_scenes", os.path.join(path, "scenes.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("harness")
+    parser.add_argument("--only", choices=["cornell", "office"])
+    parser.add_argument("--set", nargs="+", choices=sorted(SERIES), default=list(SERIES))
+    parser.add_argument("--most-seconds", type=float, default=600, help="a bake that takes longer is stopped and left out")
+    parser.add_argument("--threads", type=int, default=os.cpu_count())
+    parser.add_argument("--worst", type=int, default=0, help="print so many of the elements that err most")
+    parser.add_argument("-o", "--output")
+    arguments = parser.parse_args()
+    harness = load(arguments.harness)
+    path = arguments.output or os.path.join(HERE, "results", f"{datetime.date.today()}-path-tracing.csv")
+    done = set()
+    if os.path.exists(path):
+        with open(path, newline="") as file:
+            done = {tuple(row[k] for k in SETTINGS) for row in csv.DictReader(file)}
+    fresh = not os.path.exists(path)
+    with open(path, "a", newline="") as file:
+        table = csv.DictWriter(file, COLUMNS)
+        if fresh:
+            table.writeheader()
+        for series, settings in runs(arguments.set, arguments.only):
+            if tuple(str(settings[k]) for k in SETTINGS) in done:
+                continue
+            try:
+                row = run(harness, harness.DATA, settings, arguments)
+            except RuntimeError as error:
+                print(f"{settings}: left out, {error}", file=sys.stderr)
+                continue
+            table.writerow(dict(row, series=series))
+            file.flush()
+            print(f"{settings}: {100 * row['rmse']:.3f} % in {row['cpu']:.1f} s of CPU", flush=True)
+
+
+if __name__ == "__main__":
+    main()
