@@ -19,8 +19,8 @@ pub use occluders::{Occluder, Occluders};
 pub use polygon::Polygon;
 
 use pair::Pair;
-use sampled::Rays;
 use ringlight_visibility::NO_PLANE;
+use sampled::Rays;
 
 /// A factor with the estimate of its error, both as exchange areas A₁F₁₂ = A₂F₂₁, m²: the one number that belongs to the
 /// pair. Divide by the area of the side from which it is looked at.

@@ -228,12 +228,7 @@ fn evaluate(
 }
 
 /// What points of a piece see of the target.
-fn look<const N: usize>(
-    points: [DVec3; N],
-    piece: &Piece,
-    scene: &Scene,
-    scratch: &mut shadow::Scratch,
-) -> [Seen; N] {
+fn look<const N: usize>(points: [DVec3; N], piece: &Piece, scene: &Scene, scratch: &mut shadow::Scratch) -> [Seen; N] {
     let normal = scene.outer.normal;
     if piece.blockers.len() > MOST_CLIPPED {
         return sampled::seen(points, normal, scene.target, scene.rays);
