@@ -131,7 +131,7 @@ impl<'a> Dense<'a> {
             // Alone for the whole element, unless a part of that is covered.
             let whole = samples.free.len() == 16;
             let more = if whole { shooter.second_order(&samples.display, samples.edges, &point) } else { 0.0 };
-            mean.iter_mut().zip(&point).for_each(|(m, f)| *m = f * (1.0 + more).max(0.0));
+            mean.iter_mut().zip(&point).for_each(|(m, f)| *m = f * (1.0 + more).clamp(0.0, 2.0));
         }
         self.point[element][column..][..self.cells].copy_from_slice(&point);
     }

@@ -172,7 +172,8 @@ fn from_patch<const N: usize, const SPREAD: bool>(
     if !SPREAD || visible <= 0.0 {
         return Received::even(point);
     }
-    let mean_to_point = (1.0 + sum(&curved) / (24.0 * visible)).max(0.0);
+    // Where the point is almost in the shooter's plane, both sums are small, and their quotient says nothing.
+    let mean_to_point = (1.0 + sum(&curved) / (24.0 * visible)).clamp(0.0, 2.0);
     Received { point, mean: point.map(|x| x * mean_to_point) }
 }
 
