@@ -7,7 +7,7 @@ use glam::DVec3;
 use ringlight::mesh::{Mesh, Patch};
 use ringlight::shooting::{Shot, Source};
 use ringlight::solve::World;
-use ringlight_visibility::{Cells, Triangle};
+use ringlight_visibility::{Cells, Layout, Triangle};
 
 /// Elements nearer to a shooter than this many of their widths average over their samples (the solver's rule, a part of
 /// the discretisation).
@@ -40,6 +40,8 @@ pub struct Dense<'a> {
 struct Samples {
     display: Receiver,
     free: Vec<Receiver>,
+    /// Edges of the element, metres; of a triangle, of the rectangle with the same second moments.
+    edges: [DVec3; 2],
 }
 
 impl Samples {
@@ -47,7 +49,15 @@ impl Samples {
         let valid = mesh.valid[(patch.first_element + k) as usize];
         let receiver = |point: DVec3| Receiver { point, normal: patch.normal, plane: patch.plane };
         let tile = patch.element_tile(k);
+        // Of a trapezium's elements, those in its middle.
+        let frame = &patch.frame;
+        let [u, v] = [(frame.edge_u, patch.grid[0]), (frame.edge_v, patch.grid[1])]
+            .map(|(edge, count)| (edge + 0.5 * frame.twist) / f64::from(count));
         Some(Samples {
+            edges: match frame.layout {
+                Layout::Quad => [u, v],
+                Layout::Triangle => [(u - v) / 2f64.sqrt(), (u + v) / 6f64.sqrt()],
+            },
             display: receiver(patch.sample_point(k, valid)?),
             free: (0..16).filter(|s| valid >> s & 1 == 1).map(|s| receiver(patch.area_sample(&tile, s))).collect(),
         })
@@ -109,17 +119,21 @@ impl<'a> Dense<'a> {
         reach: f64,
         triangles: &[Triangle],
     ) {
-        let point = shooter.form_factors(&samples.display, triangles);
-        self.point[element][column..][..self.cells].copy_from_slice(&point);
+        let near = shooter.distance(samples.display.point) < reach;
+        let point = shooter.form_factors(&samples.display, near, triangles);
         let mean = &mut self.mean[element][column..][..self.cells];
-        if shooter.distance(samples.display.point) >= reach {
-            mean.copy_from_slice(&point);
-            return;
+        if near {
+            for receiver in &samples.free {
+                let factors = shooter.form_factors(receiver, true, triangles);
+                mean.iter_mut().zip(factors).for_each(|(m, f)| *m += f / samples.free.len() as f64);
+            }
+        } else {
+            // Alone for the whole element, unless a part of that is covered.
+            let whole = samples.free.len() == 16;
+            let more = if whole { shooter.second_order(&samples.display, samples.edges, &point) } else { 0.0 };
+            mean.iter_mut().zip(&point).for_each(|(m, f)| *m = f * (1.0 + more).clamp(0.0, 2.0));
         }
-        for receiver in &samples.free {
-            let factors = shooter.form_factors(receiver, triangles);
-            mean.iter_mut().zip(factors).for_each(|(m, f)| *m += f / samples.free.len() as f64);
-        }
+        self.point[element][column..][..self.cells].copy_from_slice(&point);
     }
 
     /// Lamps and the sun cast hard shadows: elements show the average over their samples. The sky is soft.

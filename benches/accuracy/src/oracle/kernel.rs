@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use ringlight::form_factor::contour;
-use ringlight::mesh::{Mesh, NONE, Patch};
+use ringlight::mesh::{Frame, Mesh, NONE, Patch, Tile};
 use ringlight_visibility::{Cells, Filter, Grid, OPAQUE, Points, Shooter, Triangle, reference};
 use std::f64::consts::PI;
 
@@ -72,6 +72,8 @@ pub struct PatchShooter {
     normal: DVec3,
     /// Positions of the cells, as visibility sees them.
     cells: Vec<DVec3>,
+    /// Each cell in parts, which stand for it near the shooter: 16 of them along the patch's side.
+    parts: Vec<Vec<DVec3>>,
     /// Area of each cell, m², its parameters' density times their share.
     areas: Vec<f64>,
     /// Area of an average cell, m².
@@ -93,11 +95,18 @@ impl PatchShooter {
         };
         let (corners, count) = frame.corners();
         let mean_area = patch.area / grid.len() as f64;
+        let (fine, centre) = (16 / side, Frame::middle(frame.layout));
+        let parts = (0..grid.len() as u32).map(|k| {
+            let cell = Tile::of(frame.layout, [side; 2], k);
+            let part = |p: u32| frame.at(cell.compose(Tile::of(frame.layout, [fine; 2], p)).at(centre));
+            (0..fine * fine).map(|p| part(p).as_vec3().as_dvec3()).collect()
+        });
         let middle = |k: usize| grid.layout.centre(side, k).map(f64::from).into();
         PatchShooter {
             corners: corners[..count].to_vec(),
             normal: patch.normal,
             cells: (0..grid.len()).map(|k| DVec3::from(grid.point(k).map(f64::from))).collect(),
+            parts: parts.collect(),
             areas: (0..grid.len()).map(|k| mean_area * frame.relative_density(middle(k))).collect(),
             mean_area,
             shooter: Shooter { cells: Cells::Grid(grid), plane: patch.plane, far: FAR },
@@ -132,23 +141,23 @@ impl PatchShooter {
     }
 
     /// Irradiance that each cell gives per radiosity of its own: the whole patch's form factor, divided among the cells by
-    /// their disc forms cosθᵣ cosθₛ A/(πr² + A), of the cells that are seen (DESIGN section 3).
-    pub fn form_factors(&self, to: &Receiver, triangles: &[Triangle]) -> Vec<f64> {
+    /// their disc forms cosθᵣ cosθₛ A/(πr² + A), of the cells that are seen (DESIGN section 3). Near the shooter the
+    /// disc forms are those of the cells' parts.
+    pub fn form_factors(&self, to: &Receiver, near: bool, triangles: &[Triangle]) -> Vec<f64> {
         let dark = vec![0.0; self.cells.len()];
         if to.plane == self.shooter.plane || self.normal.dot(to.point - self.corners[0]) <= 0.0 {
             return dark;
         }
         let whole = contour(to.point, to.normal, &self.corners);
         let from = DVec3::from(to.single().map(f64::from));
-        let discs: Vec<f64> = self
-            .cells
-            .iter()
-            .zip(&self.areas)
-            .map(|(&cell, area)| {
-                let way = cell - from;
-                let r2 = way.length_squared();
-                let cosines = way.dot(to.normal).max(0.0) * (-way.dot(self.normal)).max(0.0) / r2;
-                cosines * area / (PI * r2 + self.mean_area)
+        let disc = |place: DVec3, share: f64| {
+            let r2 = (place - from).length_squared();
+            self.kernel(from, to.normal, place).max(0.0) * PI * r2 * share / (PI * r2 + self.mean_area * share)
+        };
+        let discs: Vec<f64> = (0..self.cells.len())
+            .map(|k| {
+                let parts = self.parts[k].iter().map(|&part| disc(part, (self.parts[k].len() as f64).recip()));
+                self.areas[k] * if near { parts.sum() } else { disc(self.cells[k], 1.0) }
             })
             .collect();
         let total: f64 = discs.iter().sum();
@@ -157,5 +166,26 @@ impl PatchShooter {
         }
         let seen = to.sees(triangles, &self.shooter);
         discs.iter().zip(seen).map(|(disc, seen)| if seen { whole * disc / total } else { 0.0 }).collect()
+    }
+
+    /// cosθᵣ cosθₛ/(πr²) from a place of the shooter to a point, 1/m²; it goes on smoothly below the shooter's horizon.
+    fn kernel(&self, point: DVec3, normal: DVec3, place: DVec3) -> f64 {
+        let way = place - point;
+        way.dot(normal).max(0.0) * -way.dot(self.normal) / (PI * way.length_squared().powi(2))
+    }
+
+    /// How the mean over an area about a point differs from the value there, as a share of it: the second differences of the
+    /// seen cells' kernels along both edges of the area, over 24 (`factors` are the form factors of the seen).
+    pub fn second_order(&self, to: &Receiver, edges: [DVec3; 2], factors: &[f64]) -> f64 {
+        const STEP: f64 = 1e-3;
+        let at = |k: usize, shift: DVec3| self.kernel(to.point + shift, to.normal, self.cells[k]);
+        let curvature = |k: usize| -> f64 {
+            let middle = at(k, DVec3::ZERO);
+            edges.iter().map(|&e| (at(k, STEP * e) - 2.0 * middle + at(k, -STEP * e)) / (STEP * STEP * middle)).sum()
+        };
+        let seen = || (0..self.cells.len()).filter(|&k| factors[k] > 0.0);
+        let sum: f64 = seen().map(|k| factors[k] * curvature(k)).sum();
+        let total: f64 = seen().map(|k| factors[k]).sum();
+        if total > 0.0 { sum / (24.0 * total) } else { 0.0 }
     }
 }

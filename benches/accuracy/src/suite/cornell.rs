@@ -95,7 +95,12 @@ fn section(direct: &[f64], total: &[[f64; 4]]) -> Section {
         let mean = pairs.iter().map(deviation).sum::<f64>() / pairs.len() as f64;
         let bias = pairs.iter().map(|(e, f)| f - e).sum::<f64>() / pairs.iter().map(|(e, _)| e).sum::<f64>();
         for (what, value, bound) in [("largest deviation", worst, 0.01), ("mean deviation", mean, 0.003)] {
-            section.rows.push(Row { case: format!("{name}: {what}"), expected: bound, found: value, bound: Bound::AtMost });
+            section.rows.push(Row {
+                case: format!("{name}: {what}"),
+                expected: bound,
+                found: value,
+                bound: Bound::AtMost,
+            });
         }
         let case = format!("{name}: mean of all, over that of the references");
         section.rows.push(Row { case, expected: 1.0, found: 1.0 + bias, bound: Bound::Relative(0.003) });
@@ -108,7 +113,8 @@ fn section(direct: &[f64], total: &[[f64; 4]]) -> Section {
         let found: Vec<f64> = total.iter().map(|t| t[k]).collect();
         rows(&format!("{wavelength} nm"), &of(&found, &|p| p.total[k]));
     }
-    let headings = ["surface", "x, y, z (mm)", "direct", "500 nm", "560 nm", "600 nm", "700 nm"].map(String::from).to_vec();
+    let headings =
+        ["surface", "x, y, z (mm)", "direct", "500 nm", "560 nm", "600 nm", "700 nm"].map(String::from).to_vec();
     let cells = POINTS.iter().zip(direct).zip(total).map(|((p, &direct), total)| {
         let [x, y, z] = p.position;
         let cell = |(expected, found): (f64, f64)| match expected {

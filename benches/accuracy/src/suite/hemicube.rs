@@ -115,7 +115,7 @@ impl Room {
             let cells = shooter.cells().iter().zip(shooter.areas()).zip(seen);
             let cells = cells.map(|((&position, &area), seen)| Cell { position, area, seen });
             discs.push(disc_sum::form_factor(to.point, to.normal, shooter.normal(), cells));
-            ours.push(shooter.form_factors(to, &self.triangles).iter().sum());
+            ours.push(shooter.form_factors(to, false, &self.triangles).iter().sum());
         }
         [ours, discs]
     }

@@ -118,3 +118,65 @@ impl Sharing<'_> {
 fn greatest_common_divisor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { greatest_common_divisor(b, a % b) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    fn patch(corners: &[(f64, f64)], grid: [u32; 2]) -> Patch {
+        let corners: Vec<DVec3> = corners.iter().map(|&(x, y)| DVec3::new(x, y, 0.0)).collect();
+        let frame = Frame::from_corners(&corners);
+        let tile = Tile { origin: DVec2::ZERO, size: DVec2::ONE };
+        let area = frame.area_vector().length();
+        let normal = DVec3::Z;
+        Patch { id: 0, facet: 0, back: false, tile, frame, normal, area, plane: 0, first_element: 0, grid }
+    }
+
+    #[test]
+    fn light_shot_in_two_goes_adds_up_and_keeps_the_power_of_every_element() {
+        let rectangle = patch(&[(0., 0.), (3., 0.), (3., 2.), (0., 2.)], [3, 5]);
+        let trapezium = patch(&[(0., 0.), (4., 0.), (3., 2.), (1., 2.)], [4, 3]);
+        let triangle = patch(&[(0., 0.), (4., 0.), (3., 2.)], [3, 3]);
+        for (name, patch) in [("rectangle", rectangle), ("trapezium", trapezium), ("triangle", triangle)] {
+            for (covered, side) in [(false, 1), (false, 4), (true, 4), (true, 8)] {
+                let count = patch.element_count() as usize;
+                let mut valid = vec![ALL_VALID; count];
+                if covered {
+                    (valid[0], valid[1], valid[count - 1]) = (0, 0x00ff, 0x8000);
+                }
+                let cells = (side * side) as usize;
+                let density =
+                    |k: usize| patch.frame.relative_density(patch.frame.layout.centre(side, k).map(f64::from).into());
+                let areas: Vec<f64> = (0..cells).map(|k| density(k) * patch.area / cells as f64).collect();
+                let sharing = Sharing { patch: &patch, valid: &valid, side, areas: &areas };
+                let power = |scale: f64| -> Vec<[f64; 3]> {
+                    let light = |e: usize| if valid[e] == 0 { 0.0 } else { (scale * (e + 1) as f64).sin().abs() };
+                    (0..count).map(|e| [light(e), 2.0 * light(e), 0.0]).collect()
+                };
+                let (first, second) = (power(0.7), power(2.3));
+                let both: Vec<[f64; 3]> =
+                    first.iter().zip(&second).map(|(a, b)| std::array::from_fn(|c| a[c] + b[c])).collect();
+                let shot = [&first, &second, &both].map(|power| sharing.radiosity(power));
+                for ((a, b), sum) in shot[0].iter().zip(&shot[1]).zip(&shot[2]) {
+                    assert!((0..3).all(|c| a[c] >= 0.0 && (a[c] + b[c] - sum[c]).abs() < 1e-12), "{name} {side}");
+                }
+                let sent: f64 = shot[2].iter().zip(&areas).map(|(b, area)| b[0] * area).sum();
+                let held: f64 = both.iter().map(|p| p[0]).sum();
+                assert!((sent / held - 1.0).abs() < 1e-12, "{name} {side}: {sent} of {held}");
+            }
+        }
+    }
+
+    #[test]
+    fn even_light_stays_even_where_nothing_is_covered() {
+        for grid in [[3, 3], [4, 7], [1, 2]] {
+            let patch = patch(&[(0., 0.), (3., 0.), (3., 2.), (0., 2.)], grid);
+            let count = patch.element_count() as usize;
+            let valid = vec![ALL_VALID; count];
+            let sharing = Sharing { patch: &patch, valid: &valid, side: 4, areas: &[6.0 / 16.0; 16] };
+            let radiosity = sharing.radiosity(&vec![[6.0 / count as f64; 3]; count]);
+            assert!(radiosity.iter().flatten().all(|b| (b - 1.0).abs() < 1e-12), "{grid:?}: {radiosity:?}");
+        }
+    }
+}

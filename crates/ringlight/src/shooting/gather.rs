@@ -59,8 +59,6 @@ struct CellTable<const N: usize> {
     z: [f32; N],
     density: [f32; N],
     light: [[f32; N]; 3],
-    /// Sum of the light's channels.
-    brightness: [f32; N],
     /// Entries in use, all parts of one cell as far apart as there are cells.
     count: usize,
     /// Area of an entry, m².
@@ -118,7 +116,8 @@ pub fn gather(shot: &Shot, receivers: &[Receiver], spreads: &[Spread], masks: &[
 ///
 /// The mean over an area of spread u, v differs from the value at its middle by ∂²/24 along u and v to third order. For a
 /// cell's kernel K = cosθᵣ cosθₛ/πr², with d from the point to the cell, g = d·d, b = −s·d and s the shooter's normal,
-/// K_uu/K = (8 (s·u)(d·u)/b + 24 (d·u)²/g − 4 u·u)/g: n·d does not change along the receiver's own plane.
+/// K_uu/K = (8 (s·u)(d·u)/b + 24 (d·u)²/g − 4 u·u)/g: n·d does not change along the receiver's own plane. All visible cells
+/// count by their form factors, whatever their light: what arrives is linear in what is shot.
 #[inline(always)]
 fn from_patch<const N: usize, const SPREAD: bool>(
     source: &PatchSource,
@@ -134,6 +133,7 @@ fn from_patch<const N: usize, const SPREAD: bool>(
     let (su, sv, square) = (8.0 * s.dot(u), 8.0 * s.dot(v), 4.0 * (u.dot(u) + v.dot(v)));
     let mut total = [0.0f32; LANES];
     let mut light = [[0.0f32; LANES]; 3];
+    let mut visible = [0.0f32; LANES];
     let mut curved = [0.0f32; LANES];
     let mask = mask.wrapping_mul(table.repeat);
     for chunk in 0..table.count.div_ceil(LANES) {
@@ -156,7 +156,8 @@ fn from_patch<const N: usize, const SPREAD: bool>(
                 let (du, dv) = (dx * u.x + dy * u.y + dz * u.z, dx * v.x + dy * v.y + dz * v.z);
                 let inverse = 1.0 / r2;
                 let second = su * du + sv * dv + shooter * (24.0 * (du * du + dv * dv) * inverse - square);
-                curved[l] += (bits >> l & 1) as f32 * open * second * inverse * table.brightness[k];
+                visible[l] += seen;
+                curved[l] += (bits >> l & 1) as f32 * open * second * inverse;
             }
         }
     }
@@ -167,11 +168,12 @@ fn from_patch<const N: usize, const SPREAD: bool>(
     }
     let light = light.map(|lanes| sum(&lanes));
     let point = light.map(|x| factor * x / total);
-    let brightness = light[0] + light[1] + light[2];
-    if !SPREAD || brightness <= 0.0 {
+    let visible = sum(&visible);
+    if !SPREAD || visible <= 0.0 {
         return Received::even(point);
     }
-    let mean_to_point = (1.0 + sum(&curved) / (24.0 * brightness)).max(0.0);
+    // Where the point is almost in the shooter's plane, both sums are small, and their quotient says nothing.
+    let mean_to_point = (1.0 + sum(&curved) / (24.0 * visible)).clamp(0.0, 2.0);
     Received { point, mean: point.map(|x| x * mean_to_point) }
 }
 
@@ -205,7 +207,6 @@ impl<const N: usize> CellTable<N> {
             z: [0.0; N],
             density: [0.0; N],
             light: [[0.0; N]; 3],
-            brightness: [0.0; N],
             count,
             area: (source.area / count as f64) as f32,
             // 1 for 64 cells, else a 1 for every group of as many bits as there are cells.
@@ -223,7 +224,6 @@ impl<const N: usize> CellTable<N> {
             let light = shot.light[cell];
             table.density[i] = source.density[cell];
             (0..3).for_each(|c| table.light[c][i] = light[c]);
-            table.brightness[i] = light[0] + light[1] + light[2];
         }
         table
     }

@@ -112,3 +112,33 @@ pub fn unshot_power(mesh: &Mesh, patch: &Patch, elements: &[ElementLight], emiss
         })
         .sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::ElementLight;
+
+    #[test]
+    fn many_small_amounts_add_up() {
+        // In plain single precision the first amount would swallow the others.
+        let mut light = ElementLight::default();
+        light.add([1.0, 3.0, 0.1], [1.0, 3.0, 0.1]);
+        for _ in 0..1_000_000 {
+            light.add([4e-8, 1e-8, 3e-9], [4e-8, 1e-8, 3e-9]);
+        }
+        let expected = [1.04, 3.01, 0.103];
+        // What is reflected and what is displayed: both.
+        for found in [light.unshot, light.mean(), light.at_point()] {
+            for c in 0..3 {
+                assert!((f64::from(found[c]) / expected[c] - 1.0).abs() < 2e-7, "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn light_that_has_been_shot_is_not_shot_again() {
+        let mut light = ElementLight { shot: [2.0, 1e-9, 0.0], ..ElementLight::default() };
+        light.add([1.0; 3], [1.0; 3]);
+        assert_eq!(light.unshot, [1.0; 3]);
+        assert_eq!(light.mean()[0], 3.0);
+    }
+}
