@@ -27,5 +27,6 @@ suites! {
     cornell
     cube
     furnace
+    white_furnace
     integrating_sphere
 }
