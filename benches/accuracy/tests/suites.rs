@@ -31,6 +31,7 @@ suites! {
     cornell
     cube
     furnace
+    white_furnace
     integrating_sphere
     dense
     energy

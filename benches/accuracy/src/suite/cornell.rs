@@ -57,12 +57,14 @@ const LIGHT: [f32; 4] = [0.78; 4];
 const CHANNELS: [[usize; 3]; 2] = [[0, 1, 2], [1, 2, 3]];
 
 /// Largest edges of patches and elements, metres.
-const SIZES: [f64; 2] = [0.1, 0.025];
+const SIZES: [f64; 2] = [0.06, 0.03];
+
+/// Share of the power that is left unshot.
+const UNTIL: f64 = 3e-4;
 
 /// All points, direct and in all, at four wavelengths.
 pub fn measure() -> Section {
     let places: Vec<Place> = POINTS.iter().map(|p| (p.position.map(|x| x / 1000.0), normal(p.surface))).collect();
-    let mut direct = Vec::new();
     let mut total = vec![[0.0; 4]; POINTS.len()];
     for channels in CHANNELS {
         let lit = solved(|paint| channels.map(|k| paint[k]), &places);
@@ -70,7 +72,7 @@ pub fn measure() -> Section {
             channels.iter().zip(lit).for_each(|(&k, e)| total[k] = e);
         }
     }
-    direct.extend(solved(|_| [0.0; 3], &places).into_iter().map(|e| e[0]));
+    let direct: Vec<f64> = solved(|_| [0.0; 3], &places).into_iter().map(|e| e[0]).collect();
     section(&direct, &total)
 }
 
@@ -82,7 +84,7 @@ fn section(direct: &[f64], total: &[[f64; 4]]) -> Section {
             "The Cornell box as published (blocks, measured reflectances, light of reflectance 0.78, front open, the left wall \
              bilinear between its corners): irradiance at 20 points for a light of exitance 1, direct and in all at four \
              wavelengths, beside path-traced values whose own error is 0.1 % in the mean and 0.45 % at most. Patches of \
-             {} mm, elements of {} mm, M = 16 cells, until 0.001 of the power is unshot; gathered at the points.",
+             {} mm, elements of {} mm, M = 16 cells, until {UNTIL} of the power is unshot; gathered at the points.",
             1000.0 * SIZES[0],
             1000.0 * SIZES[1],
         ),
@@ -143,7 +145,7 @@ fn normal(surface: &str) -> [f64; 3] {
 fn solved(paint: impl Fn([f32; 4]) -> [f32; 3], places: &[Place]) -> Vec<[f64; 3]> {
     let scene = cornell_box(paint);
     let world = scene.world(16);
-    let (state, ..) = solve(&world, 1e-3);
+    let (state, ..) = solve(&world, UNTIL);
     let solution = scene.solution(&world, state);
     scene.gathered(&solution, places)
 }

@@ -34,7 +34,7 @@ pub fn measure() -> Section {
             b.material([0.5; 3], [f32::from(u8::from(faces == 3)); 3])
         });
         let cube = meshed(builder.scene(true), patch, 0.0625);
-        let mut world = cube.world(16);
+        let mut world = cube.world(64);
         world.settings.shoot = shoot;
         let (state, ..) = solve(&world, 1e-6);
         let face = |y: f64| move |patch: &Patch| (patch.normal.y - y).abs() < 0.5;

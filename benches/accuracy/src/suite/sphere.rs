@@ -11,17 +11,17 @@ pub fn measure() -> Section {
     let mut section = Section {
         title: "The integrating sphere".into(),
         text: "Inside a sphere every point sees every other with the same form factor, so the irradiance is the same everywhere, \
-               whatever shines: the mean exitance over 1 − ρ. Spheres of triangles, ρ = 0.8; a cap, a band and a spot shine, \
+               whatever shines: the mean exitance over 1 − ρ. Spheres of triangles, ρ = 0.5; a cap, a band and a spot shine, \
                each in a channel of its own. Irradiance as a share of that: mean over all elements, and root of the mean \
                square of deviations, which falls with the size of the triangles: they are no sphere."
             .into(),
         ..Section::default()
     };
     let mut last = [f64::INFINITY; 3];
-    for (halvings, spread) in [(2, 0.02), (3, 0.01)] {
+    for (halvings, spread) in [(2, 0.015), (3, 0.005)] {
         let sphere = sphere(halvings);
         let triangles = 20 * 4usize.pow(halvings);
-        let world = sphere.world(4);
+        let world = sphere.world(1);
         let (state, ..) = solve(&world, 1e-4);
         let (mut mean_exitance, mut total) = ([0.0; 3], 0.0);
         for (patch, e, area, _) in sphere.elements(&state) {
@@ -56,7 +56,7 @@ pub fn measure() -> Section {
 }
 
 /// Reflectance of the sphere.
-const RHO: f64 = 0.8;
+const RHO: f64 = 0.5;
 
 /// A sphere of radius 1 seen from inside: an icosahedron, each triangle cut in four as often as `halvings`.
 fn sphere(halvings: u32) -> Meshed {

@@ -5,6 +5,7 @@ use super::shot::{FAR, PatchSource, Shoot, Shot, Source};
 use crate::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::{Cells, Grid, Shooter};
+use std::sync::OnceLock;
 
 /// Radiosity over a patch, interpolated between its elements.
 #[derive(Clone, Debug)]
@@ -126,6 +127,7 @@ impl<'a> Field<'a> {
                 low,
                 high,
                 density,
+                parts: OnceLock::new(),
             })),
             power,
         }

@@ -53,7 +53,8 @@ impl Received {
 }
 
 /// The cells of a patch shooter, or `N` equal parts of them, structure of arrays, padded with cells of no weight.
-struct CellTable<const N: usize> {
+#[derive(Clone, Debug)]
+pub struct CellTable<const N: usize> {
     x: [f32; N],
     y: [f32; N],
     z: [f32; N],
@@ -67,8 +68,8 @@ struct CellTable<const N: usize> {
     repeat: u64,
 }
 
-/// Parts of a patch, near which a cell is no point.
-const PARTS: usize = 256;
+/// As many parts of all cells as receivers near the shooter see of it: there a cell is no point.
+pub type Parts = CellTable<256>;
 
 /// Turns the masks of what the receivers see into irradiance.
 pub fn gather(shot: &Shot, receivers: &[Receiver], spreads: &[Spread], masks: &[u64], received: &mut Vec<Received>) {
@@ -77,16 +78,16 @@ pub fn gather(shot: &Shot, receivers: &[Receiver], spreads: &[Spread], masks: &[
         Source::Patch(source) => {
             let Cells::Grid(grid) = &shot.shooter.cells else { return };
             let cells = CellTable::<64>::new(shot, source, grid, 1);
-            let parts = receivers.iter().any(|r| r.role == Role::Near).then(|| {
-                // As many parts of a cell as make the table full.
-                CellTable::<PARTS>::new(shot, source, grid, 16 / grid.side)
-            });
             pulp::Arch::new().dispatch(|| {
-                received.extend(lit.map(|(at, mask)| match (at.role, &parts) {
+                received.extend(lit.map(|(at, mask)| match at.role {
                     _ if mask == 0 => Received::default(),
-                    (Role::Near, Some(parts)) => from_patch::<PARTS, false>(source, parts, at, None, mask),
-                    (Role::Alone(k), _) => from_patch::<64, true>(source, &cells, at, Some(&spreads[k as usize]), mask),
-                    _ => from_patch::<64, false>(source, &cells, at, None, mask),
+                    Role::Near => {
+                        let parts =
+                            source.parts.get_or_init(|| Box::new(CellTable::new(shot, source, grid, 16 / grid.side)));
+                        from_patch::<256, false>(source, parts, at, None, mask)
+                    }
+                    Role::Alone(k) => from_patch::<64, true>(source, &cells, at, Some(&spreads[k as usize]), mask),
+                    Role::Point => from_patch::<64, false>(source, &cells, at, None, mask),
                 }));
             });
         }
@@ -226,5 +227,88 @@ impl<const N: usize> CellTable<N> {
             (0..3).for_each(|c| table.light[c][i] = light[c]);
         }
         table
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ringlight_visibility::{Layout, NO_PLANE, Shooter};
+    use std::sync::OnceLock;
+
+    /// A unit square in the plane z = 0, lit upwards, whose light falls from 2 to 0 along x, in 16 cells.
+    fn shot() -> Shot {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y];
+        let grid = Grid {
+            origin: [0.0; 3],
+            edge_u: [1.0, 0.0, 0.0],
+            edge_v: [0.0, 1.0, 0.0],
+            twist: [0.0; 3],
+            layout: Layout::Quad,
+            side: 4,
+        };
+        Shot {
+            shooter: Shooter { cells: Cells::Grid(grid), plane: NO_PLANE, far: 1.0 },
+            light: (0..16).map(|k| [1.75 - 0.5 * (k % 4) as f32; 3]).collect(),
+            source: Source::Patch(Box::new(PatchSource {
+                patch: 0,
+                frame: Frame::from_corners(&corners),
+                corners,
+                count: 4,
+                normal: DVec3::Z,
+                area: 1.0,
+                diameter: 2f64.sqrt(),
+                low: corners[0],
+                high: corners[2],
+                density: [1.0; 64],
+                parts: OnceLock::new(),
+            })),
+            power: 3.0,
+        }
+    }
+
+    fn received(point: DVec3, normal: DVec3, role: Role, spreads: &[Spread]) -> Received {
+        let mut found = Vec::new();
+        gather(&shot(), &[Receiver { point, normal, role }], spreads, &[0xffff], &mut found);
+        found[0]
+    }
+
+    #[test]
+    fn the_mean_over_an_area_is_that_of_many_points() {
+        // A tilted parallelogram two or three of its widths away.
+        let (middle, u, v) = (DVec3::new(2.0, 0.2, 1.2), DVec3::new(0.4, 0.0, 0.3), DVec3::new(0.1, 0.4, -0.1));
+        let normal = v.cross(u).normalize();
+        let spread = Spread([u, v].map(|w| w.as_vec3()));
+        let found = received(middle, normal, Role::Alone(0), &[spread]);
+        let (mut sum, n) = (0.0, 40);
+        for k in 0..n * n {
+            let [s, t] = [k % n, k / n].map(|i| (f64::from(i) + 0.5) / f64::from(n) - 0.5);
+            sum += received(middle + s * u + t * v, normal, Role::Point, &[]).point[0];
+        }
+        let mean = sum / f64::from(n * n);
+        let (without, with) = ((found.point[0] / mean - 1.0).abs(), (found.mean[0] / mean - 1.0).abs());
+        // Second order left out, fourth order left over.
+        assert!(without > 2e-3 && with < without / 10.0, "{without} {with}");
+    }
+
+    #[test]
+    fn near_a_shooter_its_nearest_light_counts_most() {
+        // On a wall along the bright edge, a hundredth above it: the contours of 64 × 1 strips say what arrives.
+        let (point, normal) = (DVec3::new(-1e-9, 0.5, 0.01), DVec3::X);
+        let strips = 64;
+        let exact: f64 = (0..strips)
+            .map(|i| {
+                let [a, b] = [i, i + 1].map(|k| f64::from(k) / f64::from(strips));
+                let strip = [[a, 0.0], [b, 0.0], [b, 1.0], [a, 1.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+                (1.75 - 0.5 * f64::from(i / (strips / 4))) * form_factor::contour(point, normal, &strip)
+            })
+            .sum();
+        let off = |role: Role| (received(point, normal, role, &[]).point[0] / exact - 1.0).abs();
+        assert!(
+            off(Role::Near) < 0.02 && off(Role::Near) < off(Role::Point) / 5.0,
+            "{} {}",
+            off(Role::Near),
+            off(Role::Point)
+        );
     }
 }

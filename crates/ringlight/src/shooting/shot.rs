@@ -1,11 +1,13 @@
 //! A shot: what travels from the shooter's owner to all receivers.
 
 use super::field::Field;
+use super::gather::Parts;
 use super::light::{ClusterLight, unshot_radiosity};
 use crate::mesh::{Frame, Mesh, Patch};
 use glam::DVec3;
 use ringlight_visibility::Shooter;
 use serde::{Deserialize, Serialize};
+use std::sync::OnceLock;
 
 /// Which distribution of its unshot radiosity a patch shoots.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,7 +55,7 @@ pub enum Source {
 }
 
 /// Geometry of a shooting patch.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PatchSource {
     /// Number of the patch.
     pub patch: u32,
@@ -75,6 +77,8 @@ pub struct PatchSource {
     pub high: DVec3,
     /// Area of each cell relative to their mean.
     pub density: [f32; 64],
+    /// What receivers near it see, when one of them has asked.
+    pub(super) parts: OnceLock<Box<Parts>>,
 }
 
 /// The shot of a patch with `side`² cells: its unshot light.
