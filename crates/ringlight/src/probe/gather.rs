@@ -8,6 +8,7 @@
 use super::nearest::closest_point;
 use super::place::{Place, Surroundings};
 use super::{Point, Reading, Status};
+use crate::form_factor::contour;
 use crate::mesh::{Mesh, Patch, Tile};
 use crate::shooting::{self, Emitter, Field, Packet, PatchSource, Shoot, Shot, Source, WHOLE, radiosity};
 use crate::solution::Solution;
@@ -26,7 +27,7 @@ pub struct GatherOptions {
 
 impl Default for GatherOptions {
     fn default() -> GatherOptions {
-        GatherOptions { cells: 64, tolerance: 5e-5 }
+        GatherOptions { cells: 64, tolerance: 2e-5 }
     }
 }
 
@@ -80,6 +81,8 @@ struct Shining {
 
 /// What bounds the light that a shooter can give.
 struct Extent {
+    corners: [DVec3; 4],
+    count: usize,
     /// A ball that holds it.
     centre: DVec3,
     radius: f64,
@@ -117,8 +120,7 @@ impl<'a> Gatherer<'a> {
                 let patch = mesh.patch(id);
                 let bright = |e: u32| if mesh.valid[e as usize] == 0 { 0.0 } else { total(radiosity[e as usize]) };
                 let brightest = patch.elements().map(bright).fold(0.0, f64::max);
-                let (corners, count) = patch.frame.corners();
-                let extent = Extent::new(&corners[..count], patch.normal, patch.area, brightest);
+                let extent = Extent::new(patch.frame.corners(), patch.normal, patch.area, brightest);
                 (brightest > 0.0).then_some(Shining { patch: id, extent })
             })
             .collect();
@@ -214,7 +216,7 @@ impl<'a> Gatherer<'a> {
         if brightest == 0.0 {
             return;
         }
-        let extent = Extent::new(&source.corners[..source.count], source.normal, source.area, brightest);
+        let extent = Extent::new((source.corners, source.count), source.normal, source.area, brightest);
         let lit = chunk.receive(&shot, points, self.hierarchy);
         let uncertain = |&i: &u32| {
             let place = &chunk.places[i as usize];
@@ -241,6 +243,10 @@ impl<'a> Gatherer<'a> {
     }
 }
 
+/// What rises less than this above a plane, seen from a point of it, lies in the plane; radians. Its form factor is of the
+/// order of the square.
+const IN_PLANE: f64 = 1e-6;
+
 /// Error of the visible share of a shooter across a straight shadow edge, rms, for `side`² cells: 0.27·M^(−3/4) (DESIGN
 /// section 3).
 fn shadow_error(side: u32) -> f64 {
@@ -266,31 +272,37 @@ fn total(rgb: [f64; 3]) -> f64 {
 }
 
 impl Extent {
-    fn new(corners: &[DVec3], normal: DVec3, area: f64, brightest: f64) -> Extent {
-        let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
-        let radius = corners.iter().map(|&c| (c - centre).length()).fold(0.0, f64::max);
-        Extent { centre, radius, normal, area, brightest }
+    fn new((corners, count): ([DVec3; 4], usize), normal: DVec3, area: f64, brightest: f64) -> Extent {
+        let centre = corners[..count].iter().sum::<DVec3>() / count as f64;
+        let radius = corners[..count].iter().map(|&c| (c - centre).length()).fold(0.0, f64::max);
+        Extent { corners, count, centre, radius, normal, area, brightest }
     }
 
-    /// No less than the irradiance that it gives to a place when nothing stands between, summed over channels: F ≤
-    /// A cosθᵣ cosθₛ / (πr²) for its nearest and best aligned point, and F ≤ 1.
+    /// No less than the irradiance that it gives to a place when nothing stands between, summed over channels: exact when
+    /// it is near; else by F ≤ A cosθᵣ cosθₛ / (πr²) for the nearest and best aligned point of its ball.
     fn most(&self, place: &Place) -> f64 {
         let to = self.centre - place.point;
-        let (height, rise) = (-self.normal.dot(to), place.normal.dot(to) + self.radius);
-        if height <= 0.0 || rise <= 0.0 {
+        let (height, rise, away) = (-self.normal.dot(to), self.heights(place).1, to.length());
+        if height <= IN_PLANE * away || rise <= IN_PLANE * away {
             return 0.0;
         }
-        let nearest = to.length() - self.radius;
+        let nearest = away - self.radius;
         if nearest <= self.radius {
-            return self.brightest;
+            return self.brightest * contour(place.point, place.normal, &self.corners[..self.count]);
         }
         let cosines = (height / nearest).min(1.0) * (rise / nearest).min(1.0);
         self.brightest * (self.area * cosines / (std::f64::consts::PI * nearest * nearest)).min(1.0)
     }
 
-    /// Whether a part of it may lie below the horizon of a place.
+    /// Whether a part of it lies below the horizon of a place.
     fn straddles(&self, place: &Place) -> bool {
-        place.normal.dot(self.centre - place.point) < self.radius
+        self.heights(place).0 <= 0.0
+    }
+
+    /// Lowest and highest corner above the horizon of a place, metres.
+    fn heights(&self, place: &Place) -> (f64, f64) {
+        let above = self.corners[..self.count].iter().map(|&c| place.normal.dot(c - place.point));
+        above.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
     }
 }
 
