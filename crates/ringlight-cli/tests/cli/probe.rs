@@ -100,7 +100,11 @@ fn probes_that_make_no_sense_are_usage_errors_and_nothing_is_written() {
         command.args(bad.split_whitespace()).assert().code(2).stderr(contains("error:"));
     }
     workshop.ringlight("probe box.ringlight --grid chair@0.5").assert().stderr(contains("lamp, room, table"));
-    workshop.ringlight("probe box.ringlight --points none.csv -o out.csv").assert().code(1).stderr(contains("none.csv"));
+    workshop
+        .ringlight("probe box.ringlight --points none.csv -o out.csv")
+        .assert()
+        .code(1)
+        .stderr(contains("none.csv"));
     workshop.ringlight("probe none.ringlight --grid table@1").assert().code(1).stderr(contains("none.ringlight"));
     workshop.ringlight("probe box.ringlight --points points.csv -o box.obj").assert().code(2);
     assert_eq!(workshop.files(), before);

@@ -7,6 +7,7 @@
 
 use super::nearest::closest_point;
 use super::place::{Place, Surroundings};
+use super::sides::Sides;
 use super::{Point, Reading, Status};
 use crate::form_factor::contour;
 use crate::mesh::{Mesh, Patch, Tile};
@@ -185,7 +186,7 @@ impl<'a> Gatherer<'a> {
         for (k, points) in by_side.iter().enumerate().filter(|(_, points)| !points.is_empty()) {
             let side = 1 << k;
             if side == self.side {
-                self.add_part(chunk, &field, field.scale(), WHOLE, points, 0);
+                self.add_part(chunk, &field, field.scale(), WHOLE, (points, &vec![Sides::NONE; points.len()]), 0);
             } else {
                 let lit = chunk.receive(&field.shot(side, Shoot::Elements, 0.0), points, self.hierarchy);
                 chunk.add(&lit, &[]);
@@ -199,14 +200,15 @@ impl<'a> Gatherer<'a> {
         [1, 2, 4].into_iter().find(|&side| side < self.side && error(side) <= self.tolerance).unwrap_or(self.side)
     }
 
-    /// Adds what the part of a patch over `tile` gives to `points`; cuts it in four for those that need it.
+    /// Adds what the part of a patch over `tile` gives to `points`, which come with the sides of the part along which an edge
+    /// of shadow may run; cuts it in four for those that need it.
     fn add_part(
         &self,
         chunk: &mut Chunk<'_>,
         field: &Field<'_>,
         scale: [f64; 3],
         tile: Tile,
-        points: &[u32],
+        (points, sides): (&[u32], &[Sides]),
         depth: u32,
     ) {
         let shot = field.part(tile, self.side, scale);
@@ -218,26 +220,45 @@ impl<'a> Gatherer<'a> {
         }
         let extent = Extent::new((source.corners, source.count), source.normal, source.area, brightest);
         let lit = chunk.receive(&shot, points, self.hierarchy);
-        let uncertain = |&i: &u32| {
+        // Those for which the part is to be cut, with the cells that they see, those below the horizon counted as seen.
+        let mut cut: Vec<(u32, u64, Sides)> = Vec::new();
+        for (&i, &sides) in points.iter().zip(sides).filter(|_| depth < DEEPEST) {
             let place = &chunk.places[i as usize];
             let share = chunk.share(i as usize, extent.most(place));
             if share <= self.tolerance {
-                return false;
+                continue;
             }
             // Where all cells are below the horizon, the rest of it is not known at all.
-            let Ok(k) = lit.binary_search(&i) else { return true };
+            let Ok(k) = lit.binary_search(&i) else {
+                cut.push((i, u64::MAX, sides));
+                continue;
+            };
             let (seen, above) = (chunk.packet.masks()[k], shot.above_horizon(place.point, place.normal));
-            let (shadow, vague) =
-                if seen == above { (0.0, 1.0 - dimmest / brightest) } else { (shadow_error(self.side), 1.0) };
-            seen != 0 && share * (shadow + vague * nearness(source, self.side, place.point)) > self.tolerance
-        };
-        let cut: Vec<u32> =
-            if depth < DEEPEST { points.iter().filter(|i| uncertain(i)).copied().collect() } else { Vec::new() };
-        chunk.add(&lit, &cut);
+            let shadow = match sides {
+                _ if seen != above && seen != 0 => shadow_error(self.side),
+                Sides::NONE => 0.0,
+                // The edge runs within half a cell of the border: uniformly distributed there.
+                _ => 0.5 / f64::from(self.side) / 3f64.sqrt(),
+            };
+            let vague = match seen {
+                0 => 0.0,
+                _ if seen == above => 1.0 - dimmest / brightest,
+                _ => 1.0,
+            };
+            if share * (shadow + vague * nearness(source, self.side, place.point)) > self.tolerance {
+                cut.push((i, seen | !above, sides));
+            }
+        }
+        let without: Vec<u32> = cut.iter().map(|&(i, ..)| i).collect();
+        chunk.add(&lit, &without);
         if let (Cells::Grid(grid), false) = (&shot.shooter.cells, cut.is_empty()) {
             for quarter in 0..4 {
                 let part = tile.compose(Tile::of(grid.layout, [2, 2], quarter));
-                self.add_part(chunk, field, scale, part, &cut, depth + 1);
+                let sides: Vec<Sides> = cut
+                    .iter()
+                    .map(|&(_, seen, sides)| sides.of_quarter(quarter, grid.layout, self.side, seen))
+                    .collect();
+                self.add_part(chunk, field, scale, part, (&without, &sides), depth + 1);
             }
         }
     }

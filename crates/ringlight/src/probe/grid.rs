@@ -143,8 +143,8 @@ fn object_grid(solution: &Solution, name: &str, spacing: f64, height: f64) -> Re
         let mut names: Vec<&str> = surfaces.iter().map(|s| s.name.as_str()).collect();
         names.sort_unstable();
         names.dedup();
-        let more = if names.len() > 20 { ", …" } else { "" };
-        names.truncate(20);
+        let more = if names.len() > 100 { ", …" } else { "" };
+        names.truncate(100);
         return Err(format!("there is no object '{name}'; there are {}{more}", names.join(", ")));
     }
     let mut sides = Vec::new();

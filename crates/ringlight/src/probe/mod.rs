@@ -8,6 +8,7 @@ mod gather;
 mod grid;
 mod nearest;
 mod place;
+mod sides;
 mod surface;
 mod table;
 #[cfg(test)]
