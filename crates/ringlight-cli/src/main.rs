@@ -16,6 +16,7 @@ mod resume;
 mod run;
 mod signals;
 mod values;
+mod viewfactors;
 
 use arguments::{Arguments, Verb};
 use clap::{CommandFactory, Parser};
@@ -51,6 +52,7 @@ fn act(verb: &Verb) -> Result<End, Failure> {
         Verb::Resume(resume) => resume.running.threads,
         Verb::Export(export) | Verb::Render(export) => export.threads,
         Verb::Inspect(inspect) => inspect.threads,
+        Verb::ViewFactors(factors) => factors.threads,
         Verb::Completions { .. } => None,
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global();
@@ -61,6 +63,7 @@ fn act(verb: &Verb) -> Result<End, Failure> {
         Verb::Export(export) => export::export(export),
         Verb::Render(export) => export::render(export),
         Verb::Inspect(inspect) => inspect::inspect(inspect),
+        Verb::ViewFactors(factors) => viewfactors::viewfactors(factors),
         Verb::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Arguments::command(), "ringlight", &mut script);

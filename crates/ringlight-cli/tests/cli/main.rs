@@ -4,4 +4,5 @@ mod contract;
 mod damage;
 mod interruption;
 mod sameness;
+mod viewfactors;
 mod workshop;

@@ -2,16 +2,26 @@
 //!
 //! Geometry is held in double precision, straight from the scene: no mesh, no elements.
 
+mod audit;
 mod clip;
 mod edges;
+mod faces;
+mod facing;
+mod joining;
+mod matrix;
 mod occluders;
 mod pair;
 mod polygon;
 mod quadrature;
+mod spill;
 mod unobstructed;
 
+pub use audit::{Auditor, Reciprocity, RowSums, reciprocity};
+pub use faces::{Faces, Group, Per, Sides};
+pub use matrix::{Computed, MatrixSettings, Pairs, Row, compute};
 pub use occluders::{Occluder, Occluders};
 pub use polygon::Polygon;
+pub use spill::{Entry, Storage};
 
 use pair::Pair;
 use ringlight_visibility::NO_PLANE;
