@@ -295,12 +295,13 @@ impl<'a> Run<'a> {
         };
         let (begun, signals, reporter) = (Instant::now(), &self.signals, &mut self.reporter);
         let mut goes_on = |pairs: &Pairs| {
-            reporter.pairs(pairs, begun, pairs.done == pairs.total);
+            reporter.pairs(pairs, begun, false);
             signals.reason().is_none()
         };
         let result = view_factor::compute(faces, occluders, settings, &mut waiting, &mut rows, &mut goes_on);
         let place = failed.as_deref().unwrap_or(folder);
         let Some(computed) = result.with_context(|| cannot_write(place))? else { return Ok(None) };
+        self.reporter.pairs(&computed.pairs, begun, true);
         let mut files = Vec::new();
         for (writer, path) in writers {
             files.push((writer.finish().with_context(|| cannot_write(path))?, path.clone()));

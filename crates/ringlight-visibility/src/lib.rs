@@ -20,6 +20,7 @@ mod packet;
 mod plan;
 mod predicate;
 pub mod reference;
+mod region;
 mod shadow;
 mod shaft;
 mod shooter;
@@ -27,6 +28,7 @@ mod triangle;
 
 pub use hierarchy::{Hierarchy, Hit, Ray, Tally};
 pub use instruction_set::InstructionSet;
+pub use region::HalfSpace;
 pub use shooter::{Cells, Grid, Layout, Shooter};
 pub use triangle::{Bitmap, Filter, Triangle};
 

@@ -137,7 +137,6 @@ pub fn compute(
             spill.keep(block, waiting)?;
         }
     }
-    goes_on(&computed.pairs);
     Ok(Some(computed))
 }
 

@@ -3,16 +3,20 @@
 //! Geometry is held in double precision, straight from the scene: no mesh, no elements.
 
 mod audit;
+mod between;
 mod clip;
 mod edges;
 mod faces;
 mod facing;
+mod hull;
 mod joining;
 mod matrix;
+mod obstructed;
 mod occluders;
 mod pair;
 mod polygon;
 mod quadrature;
+mod shadow;
 mod spill;
 mod unobstructed;
 
@@ -56,10 +60,12 @@ impl Default for Tolerance {
 pub struct Work {
     pair: Pair,
     unobstructed: unobstructed::Scratch,
+    between: between::Scratch,
+    obstructed: obstructed::Scratch,
 }
 
 /// A·F of two polygons: what one sees of the front of the other, averaged over its own front. The same bits for (a, b) and
-/// (b, a). Without occluders in the way it is exact to about ten digits whatever the tolerance is.
+/// (b, a). With nothing in the way it is exact to about ten digits whatever the tolerance is.
 pub fn exchange(
     a: &Polygon,
     b: &Polygon,
@@ -67,12 +73,30 @@ pub fn exchange(
     tolerance: &Tolerance,
     work: &mut Work,
 ) -> Exchange {
-    let _ = (occluders, tolerance);
     if (a.plane == b.plane && a.plane != NO_PLANE) || !work.pair.prepare(a, b) {
         return Exchange::default();
     }
-    let (area, error) = unobstructed::exchange(work.pair.face(0), work.pair.face(1), &mut work.unobstructed);
-    let metres = work.pair.unit * work.pair.unit;
+    let Work { pair, unobstructed, between, obstructed } = work;
+    let metres = pair.unit * pair.unit;
+    if let Some(occluders) = occluders {
+        between::find(pair, occluders, between);
+    } else {
+        between.blockers.clear();
+    }
+    let (area, error) = if between.blockers.is_empty() {
+        unobstructed::exchange(pair.face(0), pair.face(1), unobstructed)
+    } else {
+        let outer = between::outer(pair, &between.blockers);
+        let scene = obstructed::Scene {
+            outer: pair.face(outer),
+            target: pair.face(1 - outer),
+            blockers: &between.blockers,
+            flat: pair.flat,
+        };
+        let least = tolerance.absolute * a.area.min(b.area) / metres;
+        let enough = |area: f64| least.max(tolerance.relative * area);
+        obstructed::exchange(&scene, enough, obstructed, unobstructed)
+    };
     Exchange { area: area * metres, error: error * metres }
 }
 

@@ -19,6 +19,8 @@ pub struct Occluders {
     pub(crate) hierarchy: Hierarchy,
     /// What the hierarchy's coordinates are relative to, metres.
     pub(crate) origin: DVec3,
+    /// Bound on those coordinates, metres.
+    pub(crate) reach: f64,
 }
 
 impl Occluders {
@@ -39,7 +41,8 @@ impl Occluders {
                 filter: ringlight_visibility::OPAQUE,
             })
             .collect();
-        Occluders { triangles, hierarchy: Hierarchy::build(search, Vec::new()), origin }
+        let reach = if triangles.is_empty() { 0.0 } else { (high - low).max_element() };
+        Occluders { triangles, hierarchy: Hierarchy::build(search, Vec::new()), origin, reach }
     }
 
     /// Number of triangles left out as slivers.

@@ -86,3 +86,32 @@ fn equals_independent_values_for_squares_that_meet_at_an_angle() {
         assert!((f / e - 1.0).abs() < 1e-9, "{degrees}: {:e}", f / e - 1.0);
     }
 }
+
+/// Two triangles of a parallelogram.
+fn screen(origin: [f64; 3], u: [f64; 3], v: [f64; 3]) -> Vec<Occluder> {
+    let [o, u, v] = [origin, u, v].map(DVec3::from);
+    [[o, o + u, o + u + v], [o, o + u + v, o + v]].map(|corners| Occluder { corners, plane: NO_PLANE }).into()
+}
+
+fn obstructed(a: &Polygon, b: &Polygon, occluders: Vec<Occluder>) -> Exchange {
+    exchange(a, b, Some(&Occluders::new(occluders)), &Tolerance::default(), &mut Work::default())
+}
+
+#[test]
+fn half_a_screen_hides_half() {
+    let (a, b) = (rectangle([0., 1.], [0., 1.], 0., true), rectangle([0., 1.], [0., 1.], 1., false));
+    let found = obstructed(&a, &b, screen([0., 0., 0.5], [0.5, 0., 0.], [0., 1., 0.]));
+    println!("{found:?}");
+    // By symmetry: x + x' < 1 is as likely as x + x' > 1.
+    let exact = parallel(1.0, 1.0, 1.0) / 2.0;
+    assert!((found.area - exact).abs() < 1e-3 * exact && (found.area - exact).abs() < found.error, "{found:?} {exact}");
+}
+
+#[test]
+fn a_square_blocker_as_in_view3d() {
+    // Exact clipping with adaptive quadrature, 1e-6.
+    let (a, b) = (rectangle([0., 1.], [0., 1.], 0., true), rectangle([0., 1.], [0., 1.], 1., false));
+    let found = obstructed(&a, &b, screen([0., 0., 0.5], [0.5, 0., 0.], [0., 0.5, 0.]));
+    println!("{found:?}");
+    assert!((found.area - 0.149869).abs() < 1e-3 * 0.149869, "{found:?}");
+}

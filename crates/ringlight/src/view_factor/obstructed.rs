@@ -1,0 +1,238 @@
+//! The factor of two polygons with occluders between them: the exact factor from a point, integrated over one polygon by
+//! adaptive subdivision.
+//!
+//! A piece that nothing stands before, or that one blocker hides wholly, is done in closed form. Elsewhere F(x) has kinks where
+//! shadows begin, so a rule's own estimate of its error leads the subdivision: the worst piece is halved until the estimates
+//! add up to less than the tolerance, or until as much work is done as a pair may take.
+
+use super::hull::{Side, hull, reaches_into};
+use super::shadow::{self, Blocker, seen};
+use super::unobstructed::{self, Face};
+use glam::DVec3;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// Pieces below this depth are always halved: so many samples a polygon takes at least, however smooth it looks.
+const LEAST_DEPTH: u32 = 2;
+
+/// Most pieces of a pair.
+const MOST_PIECES: usize = 4000;
+
+/// Most blockers that samples are tested against, over all samples of a pair.
+const MOST_TESTS: usize = 2_000_000;
+
+/// Samples of the rule.
+const SAMPLES: usize = 7;
+
+/// What a pair's integral is made of.
+pub(crate) struct Scene<'a> {
+    /// Polygon that is integrated over.
+    pub outer: Face<'a>,
+    /// Polygon that is looked at.
+    pub target: Face<'a>,
+    /// What may stand between.
+    pub blockers: &'a [Blocker],
+    /// What counts as 0 in heights.
+    pub flat: f64,
+}
+
+/// Room for intermediate results.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    shadow: shadow::Scratch,
+    sides: Vec<Side>,
+    spare: [Vec<DVec3>; 2],
+}
+
+/// A triangle of the outer polygon.
+#[derive(Debug)]
+struct Piece {
+    corners: [DVec3; 3],
+    depth: u32,
+    /// Numbers of the blockers that reach into the hull of the piece and the target.
+    blockers: Vec<u32>,
+    value: f64,
+    error: f64,
+    number: usize,
+}
+
+impl PartialEq for Piece {
+    fn eq(&self, other: &Piece) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Piece {}
+
+impl PartialOrd for Piece {
+    fn partial_cmp(&self, other: &Piece) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Piece {
+    /// The largest error first, then the oldest.
+    fn cmp(&self, other: &Piece) -> Ordering {
+        self.error.total_cmp(&other.error).then(other.number.cmp(&self.number))
+    }
+}
+
+/// A·F and the estimate of its error; stops once that is below `tolerance` of the value found so far.
+pub(crate) fn exchange(
+    scene: &Scene,
+    tolerance: impl Fn(f64) -> f64,
+    scratch: &mut Scratch,
+    open: &mut unobstructed::Scratch,
+) -> (f64, f64) {
+    let mut tests = 0;
+    let mut heap = BinaryHeap::new();
+    let mut done = (0.0, 0.0);
+    let corners = scene.outer.corners;
+    let all: Vec<u32> = (0..scene.blockers.len() as u32).collect();
+    let mut waiting: Vec<([DVec3; 3], u32, Vec<u32>)> =
+        (1..corners.len() - 1).rev().map(|k| ([corners[0], corners[k], corners[k + 1]], 0, all.clone())).collect();
+    let mut number = 0;
+    let (mut value, mut error) = (0.0, 0.0);
+    loop {
+        while let Some((corners, depth, blockers)) = waiting.pop() {
+            let mut piece = Piece { corners, depth, blockers, value: 0.0, error: 0.0, number };
+            number += 1;
+            let halve = evaluate(&mut piece, scene, &mut tests, scratch, open);
+            if halve && number < MOST_PIECES {
+                waiting.extend(halves(piece));
+            } else {
+                value += piece.value;
+                error += piece.error;
+                if piece.blockers.is_empty() {
+                    done = (done.0 + piece.value, done.1 + piece.error);
+                } else {
+                    heap.push(piece);
+                }
+            }
+        }
+        if error <= tolerance(value) || number >= MOST_PIECES || tests >= MOST_TESTS {
+            break;
+        }
+        let Some(worst) = heap.pop() else { break };
+        value -= worst.value;
+        error -= worst.error;
+        waiting.extend(halves(worst));
+    }
+    // Summed anew, in the order of their numbers, free of what the running sums have rounded.
+    let mut pieces = heap.into_vec();
+    pieces.sort_unstable_by_key(|piece| piece.number);
+    pieces.iter().fold(done, |(value, error), piece| (value + piece.value, error + piece.error))
+}
+
+/// Two halves, cut at the longest edge (Rivara 1984).
+fn halves(piece: Piece) -> [([DVec3; 3], u32, Vec<u32>); 2] {
+    let length = |k: usize| piece.corners[k].distance_squared(piece.corners[(k + 1) % 3]);
+    let longest = (1..3).fold(0, |best, k| if length(k) > length(best) { k } else { best });
+    let [p, q, r] = [0, 1, 2].map(|k| piece.corners[(longest + k) % 3]);
+    let middle = p.midpoint(q);
+    let depth = piece.depth + 1;
+    [([middle, q, r], depth, piece.blockers.clone()), ([p, middle, r], depth, piece.blockers)]
+}
+
+/// Fills in a piece's blockers, value and error; whether it is to be halved in any case.
+fn evaluate(
+    piece: &mut Piece,
+    scene: &Scene,
+    tests: &mut usize,
+    scratch: &mut Scratch,
+    open: &mut unobstructed::Scratch,
+) -> bool {
+    let (target, flat) = (scene.target, scene.flat);
+    let face = Face { corners: &piece.corners, normal: scene.outer.normal };
+    hull(face, target, flat, &mut scratch.sides);
+    let blocker = |&i: &u32| &scene.blockers[i as usize];
+    piece.blockers.retain(|i| reaches_into(blocker(i).corners(), &scratch.sides, flat, &mut scratch.spare));
+    let whole = unobstructed::exchange(face, target, open);
+    if piece.blockers.is_empty() {
+        (piece.value, piece.error) = whole;
+        return false;
+    }
+    if piece.blockers.iter().any(|i| blocker(i).covers(&piece.corners, target.corners, flat)) {
+        piece.blockers.clear();
+        return false;
+    }
+    if piece.depth < LEAST_DEPTH {
+        return true;
+    }
+    let area = 0.5 * (piece.corners[1] - piece.corners[0]).cross(piece.corners[2] - piece.corners[0]).length();
+    let (mut visible, mut hidden) = ([0.0; SAMPLES], [0.0; SAMPLES]);
+    for (k, (weights, _)) in RULE.iter().enumerate() {
+        let point = (0..3).map(|i| weights[i] * piece.corners[i]).sum();
+        let blockers = piece.blockers.iter().map(blocker);
+        let seen = seen(point, scene.outer.normal, target.corners, blockers, flat, &mut scratch.shadow);
+        (visible[k], hidden[k]) = (seen.visible, seen.whole - seen.visible);
+        *tests += piece.blockers.len();
+    }
+    // Either what is seen is integrated, or what is hidden, and taken from the closed form: whichever is smoother.
+    let ((seen, seen_error), (hidden, hidden_error)) = (integrate(visible), integrate(hidden));
+    (piece.value, piece.error) = if seen_error <= hidden_error {
+        (area * seen, area * seen_error)
+    } else {
+        ((whole.0 - area * hidden).max(0.0), area * hidden_error + whole.1)
+    };
+    if hidden == 0.0 {
+        // Blockers that no sample's view meets may still hide something between the samples: at most what they receive.
+        let most: f64 = piece.blockers.iter().map(|i| super::clip::area_vector(blocker(i).corners()).length()).sum();
+        piece.error += UNSEEN * most.min(whole.0);
+    }
+    false
+}
+
+/// Share of what unseen blockers could hide at most that is taken as the error.
+const UNSEEN: f64 = 0.1;
+
+/// Radon's rule of degree 5 on a triangle (Abramowitz & Stegun 25.4.63): barycentric weights of the samples, and their share of the area.
+const RULE: [([f64; 3], f64); SAMPLES] = [
+    ([1.0 / 3.0; 3], 0.225),
+    ([1.0 - 2.0 * NEAR_CORNER, NEAR_CORNER, NEAR_CORNER], NEAR_CORNER_SHARE),
+    ([NEAR_CORNER, 1.0 - 2.0 * NEAR_CORNER, NEAR_CORNER], NEAR_CORNER_SHARE),
+    ([NEAR_CORNER, NEAR_CORNER, 1.0 - 2.0 * NEAR_CORNER], NEAR_CORNER_SHARE),
+    ([1.0 - 2.0 * NEAR_EDGE, NEAR_EDGE, NEAR_EDGE], NEAR_EDGE_SHARE),
+    ([NEAR_EDGE, 1.0 - 2.0 * NEAR_EDGE, NEAR_EDGE], NEAR_EDGE_SHARE),
+    ([NEAR_EDGE, NEAR_EDGE, 1.0 - 2.0 * NEAR_EDGE], NEAR_EDGE_SHARE),
+];
+
+/// (6 − √15)/21, (155 − √15)/1200; (6 + √15)/21, (155 + √15)/1200.
+const NEAR_CORNER: f64 = 0.101_286_507_323_456_34;
+const NEAR_CORNER_SHARE: f64 = 0.125_939_180_544_827_15;
+const NEAR_EDGE: f64 = 0.470_142_064_105_115_1;
+const NEAR_EDGE_SHARE: f64 = 0.132_394_152_788_506_18;
+
+/// Mean over the triangle, and by how much the rules of degree 2 that lie in the rule differ from it: the centroid with the
+/// samples near the corners, and with those near the edges.
+fn integrate(values: [f64; SAMPLES]) -> (f64, f64) {
+    let mean: f64 = RULE.iter().zip(values).map(|((_, share), value)| share * value).sum();
+    let lower = |near: f64, sum: f64| {
+        // Exact for second moments, 1/6 over the triangle and 6(1/3 − near)² at these samples.
+        let share = 1.0 / (36.0 * (1.0 / 3.0 - near) * (1.0 / 3.0 - near));
+        (1.0 - share) * values[0] + share * sum / 3.0
+    };
+    let corners = lower(NEAR_CORNER, values[1] + values[2] + values[3]);
+    let edges = lower(NEAR_EDGE, values[4] + values[5] + values[6]);
+    (mean, (mean - corners).abs().max((mean - edges).abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rule_is_exact_to_degree_five_and_its_estimate_to_degree_two() {
+        let moment = |i: i32, j: i32, k: i32| {
+            let factorial = |n: i32| (1..=n).map(f64::from).product::<f64>();
+            let exact = 2.0 * factorial(i) * factorial(j) * factorial(k) / factorial(i + j + k + 2);
+            let values = RULE.map(|(w, _)| w[0].powi(i) * w[1].powi(j) * w[2].powi(k));
+            (integrate(values), exact)
+        };
+        for (i, j, k) in [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0), (3, 1, 0), (5, 0, 0), (2, 2, 1), (0, 3, 2)] {
+            let ((mean, estimate), exact) = moment(i, j, k);
+            assert!((mean - exact).abs() < 1e-15, "{i} {j} {k}: {mean}, exact {exact}");
+            assert_eq!(estimate < 1e-15, i + j + k <= 2, "{i} {j} {k}: estimate {estimate}");
+        }
+    }
+}
