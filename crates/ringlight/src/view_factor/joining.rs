@@ -22,6 +22,8 @@ pub(super) struct Joined {
     pub plane: u32,
     /// Unit of its parts.
     pub unit: u64,
+    /// Numbers of its parts, rising.
+    pub parts: Vec<usize>,
 }
 
 /// More corners are never joined to one polygon: this bounds the work.
@@ -51,23 +53,26 @@ pub(super) fn join(parts: &[Part]) -> Vec<Joined> {
             loops[other] = Vec::new();
         }
     }
+    let mut members = vec![Vec::new(); parts.len()];
+    (0..parts.len()).for_each(|part| members[find(&mut root, part)].push(part));
     let kept = loops.iter().enumerate().filter(|(_, corners)| !corners.is_empty());
     kept.map(|(first, corners)| Joined {
         corners: without_straight_corners(corners.iter().map(|&v| vertices[v as usize]).collect()),
         plane: parts[first].plane,
         unit: parts[first].unit,
+        parts: std::mem::take(&mut members[first]),
     })
     .collect()
 }
 
 /// Area vector of a triangle, doubled.
-fn normal(part: &Part) -> DVec3 {
+pub(super) fn normal(part: &Part) -> DVec3 {
     let [a, b, c] = part.corners;
     (b - a).cross(c - a)
 }
 
 /// Corners at one place, to the bit, become one vertex; each part becomes a loop of vertices.
-fn number_vertices(parts: &[Part]) -> (Vec<DVec3>, Vec<Vec<u32>>) {
+pub(super) fn number_vertices(parts: &[Part]) -> (Vec<DVec3>, Vec<Vec<u32>>) {
     // Adding 0 makes −0 and 0 the same place.
     let key = |p: DVec3| p.to_array().map(|x| (x + 0.0).to_bits());
     let mut vertices: Vec<DVec3> = parts.iter().flat_map(|part| part.corners).collect();
@@ -113,7 +118,8 @@ fn inner_edges(parts: &[Part], vertices: &[DVec3], loops: &[Vec<u32>]) -> Vec<In
     inner
 }
 
-fn find(root: &mut [usize], mut part: usize) -> usize {
+/// The first member of a part's set (Tarjan's union-find, paths halved).
+pub(super) fn find(root: &mut [usize], mut part: usize) -> usize {
     while root[part] != part {
         root[part] = root[root[part]];
         part = root[part];

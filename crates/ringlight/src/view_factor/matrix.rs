@@ -1,6 +1,7 @@
 //! All factors of a scene, row by row: every pair of polygons once, on all threads, in bounded memory.
 
 use super::facing::Stance;
+use super::screens::{Memory, Screens};
 use super::spill::{Entry, Spill, Storage};
 use super::{Exchange, Faces, Occluders, Tolerance, Work, exchange};
 use rayon::prelude::*;
@@ -27,6 +28,8 @@ pub struct Pairs {
     pub turned_away: u64,
     /// Pairs passed over because their factors are below the least.
     pub below_least: u64,
+    /// Pairs that a wall or a convex solid hides from each other.
+    pub screened: u64,
     /// Pairs that were integrated.
     pub integrated: u64,
     /// Those of them that see each other.
@@ -38,6 +41,7 @@ impl Pairs {
         self.done += other.done;
         self.turned_away += other.turned_away;
         self.below_least += other.below_least;
+        self.screened += other.screened;
         self.integrated += other.integrated;
         self.seeing += other.seeing;
     }
@@ -146,6 +150,7 @@ struct Matrix<'a> {
     occluders: &'a Occluders,
     settings: &'a MatrixSettings,
     stances: Vec<Stance>,
+    screens: Screens,
     /// Group of each polygon.
     group_of: Vec<u32>,
     /// Every how many polygons one gives a pair to the sample.
@@ -167,6 +172,7 @@ impl<'a> Matrix<'a> {
             occluders,
             settings,
             stances: faces.polygons.iter().map(Stance::of).collect(),
+            screens: Screens::new(occluders),
             group_of: numbered.flat_map(|(number, group)| group.polygons.clone().map(move |_| number as u32)).collect(),
             sample_step: faces.polygons.len().div_ceil(SAMPLED_ROWS).max(1),
         }
@@ -174,18 +180,21 @@ impl<'a> Matrix<'a> {
 
     fn polygon_row(&self, p: usize) -> PolygonRow {
         let mut pairs = Pairs { done: (self.stances.len() - p - 1) as u64, ..Pairs::default() };
+        let polygons = &self.faces.polygons;
         let mut candidates: Vec<usize> = Vec::new();
+        let mut memory = Memory::default();
         for q in p + 1..self.stances.len() {
             let most = self.stances[p].most(&self.stances[q]);
             if most == 0.0 {
                 pairs.turned_away += 1;
             } else if most < self.least(p, q) {
                 pairs.below_least += 1;
+            } else if self.screens.hide(&polygons[p], &polygons[q], self.occluders, &mut memory) {
+                pairs.screened += 1;
             } else {
                 candidates.push(q);
             }
         }
-        let polygons = &self.faces.polygons;
         let one = |work: &mut Work, &q: &usize| {
             let exchange = exchange(&polygons[p], &polygons[q], Some(self.occluders), &self.settings.tolerance, work);
             (q, exchange)

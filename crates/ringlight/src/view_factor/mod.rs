@@ -16,7 +16,9 @@ mod occluders;
 mod pair;
 mod polygon;
 mod quadrature;
+mod screens;
 mod shadow;
+mod solids;
 mod spill;
 mod unobstructed;
 
