@@ -23,8 +23,8 @@ pub(crate) struct Scratch {
 /// Growth of the search's region against the hierarchy's coordinates in `f32`, as a share of the coordinates.
 const MARGIN: f64 = 1e-6;
 
-/// Finds what stands between.
-pub(crate) fn find(pair: &Pair, occluders: &Occluders, scratch: &mut Scratch) {
+/// Finds what stands between; whether anything does.
+pub(crate) fn find(pair: &Pair, occluders: &Occluders, scratch: &mut Scratch) -> bool {
     let Scratch { blockers, sides, region, found, spare, ranked } = scratch;
     let (a, b) = (pair.face(0), pair.face(1));
     blockers.clear();
@@ -68,6 +68,7 @@ pub(crate) fn find(pair: &Pair, occluders: &Occluders, scratch: &mut Scratch) {
     // What hides much leaves little to be cut by the rest. The sort is stable: ties by number.
     ranked.sort_by(|x, y| y.0.total_cmp(&x.0));
     blockers.extend(ranked.iter().map(|&(_, blocker)| blocker));
+    !blockers.is_empty()
 }
 
 /// About how much of the view a blocker takes, halfway between the polygons.

@@ -50,15 +50,22 @@ fn parallel(a: [DVec3; 2], b: [DVec3; 2], direction: DVec3, sign: f64) -> f64 {
 }
 
 /// ∫∫ ln r ds dt for edges that are not parallel: along `inner` in closed form, along `outer` by Gauss–Legendre rules on pieces
-/// that get smaller towards the feet of inner's corners, beside which the integrand is singular in the complex plane.
+/// that get smaller towards the places beside which the integrand is singular in the complex plane.
 fn skew(outer: [DVec3; 2], inner: [DVec3; 2], length: f64, inner_length: f64) -> f64 {
     let direction = (outer[1] - outer[0]) / length;
     let inner_direction = (inner[1] - inner[0]) / inner_length;
-    // A singularity: its place along the edge, and its distance from it.
-    let singular = inner.map(|corner| {
+    // Singularities: the place along the edge, and the distance from it. Inner's corners, where the logarithms end,
+    let end = |corner: DVec3| {
         let r = corner - outer[0];
         (r.dot(direction), r.cross(direction).length())
-    });
+    };
+    // and where inner passes by, its closest point between its corners: there the distance from its line is √(h² + s² sin²φ).
+    let normal = direction.cross(inner_direction);
+    let (r, sine2) = (inner[0] - outer[0], normal.length_squared());
+    let passing = (r.cross(inner_direction).dot(normal) / sine2, r.dot(normal).abs() / sine2);
+    let along_inner = r.cross(direction).dot(normal) / sine2;
+    let passes = (0.0..=inner_length).contains(&along_inner);
+    let singular = [end(inner[0]), end(inner[1]), if passes { passing } else { end(inner[0]) }];
     let mut sum = 0.0;
     // Ends of the pieces still to do, the next piece last.
     let mut ends = [0.0; 40];
@@ -71,7 +78,7 @@ fn skew(outer: [DVec3; 2], inner: [DVec3; 2], length: f64, inner_length: f64) ->
             let to = |end: f64| ((place - end) * (place - end) + height * height).sqrt();
             (to(low) + to(high)) / half
         };
-        let needed = points_needed(distances(singular[0]).min(distances(singular[1])));
+        let needed = points_needed(singular.map(distances).into_iter().fold(f64::INFINITY, f64::min));
         if needed > MOST && high - low > SMALLEST_PIECE * length {
             ends[left] = low + half;
             left += 1;

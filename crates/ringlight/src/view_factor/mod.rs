@@ -16,6 +16,7 @@ mod occluders;
 mod pair;
 mod polygon;
 mod quadrature;
+mod sampled;
 mod screens;
 mod shadow;
 mod solids;
@@ -30,6 +31,7 @@ pub use polygon::Polygon;
 pub use spill::{Entry, Storage};
 
 use pair::Pair;
+use sampled::Rays;
 use ringlight_visibility::NO_PLANE;
 
 /// A factor with the estimate of its error, both as exchange areas A₁F₁₂ = A₂F₂₁, m²: the one number that belongs to the
@@ -80,24 +82,26 @@ pub fn exchange(
     }
     let Work { pair, unobstructed, between, obstructed } = work;
     let metres = pair.unit * pair.unit;
-    if let Some(occluders) = occluders {
-        between::find(pair, occluders, between);
-    } else {
-        between.blockers.clear();
-    }
-    let (area, error) = if between.blockers.is_empty() {
-        unobstructed::exchange(pair.face(0), pair.face(1), unobstructed)
-    } else {
+    let occluders = occluders.filter(|occluders| between::find(pair, occluders, between));
+    let (area, error) = if let Some(occluders) = occluders {
         let outer = between::outer(pair, &between.blockers);
         let scene = obstructed::Scene {
             outer: pair.face(outer),
             target: pair.face(1 - outer),
             blockers: &between.blockers,
+            rays: Rays {
+                hierarchy: &occluders.hierarchy,
+                unit: pair.unit,
+                shift: pair.origin - occluders.origin,
+                planes: [pair.planes[outer], pair.planes[1 - outer]],
+            },
             flat: pair.flat,
         };
         let least = tolerance.absolute * a.area.min(b.area) / metres;
         let enough = |area: f64| least.max(tolerance.relative * area);
         obstructed::exchange(&scene, enough, obstructed, unobstructed)
+    } else {
+        unobstructed::exchange(pair.face(0), pair.face(1), unobstructed)
     };
     Exchange { area: area * metres, error: error * metres }
 }

@@ -3,10 +3,13 @@
 //!
 //! A piece that nothing stands before, or that one blocker hides wholly, is done in closed form. Elsewhere F(x) has kinks where
 //! shadows begin, so a rule's own estimate of its error leads the subdivision: the worst piece is halved until the estimates
-//! add up to less than the tolerance, or until as much work is done as a pair may take.
+//! add up to less than the tolerance, or until as much work is done as a pair may take. Pieces with very many blockers take
+//! rays for exact clipping, with what those may err by in the estimate.
 
+use super::clip::area_vector;
 use super::hull::{Side, hull, reaches_into};
-use super::shadow::{self, Blocker, seen};
+use super::sampled::{self, Rays, SHARE_ERROR};
+use super::shadow::{self, Blocker, Seen};
 use super::unobstructed::{self, Face};
 use glam::DVec3;
 use std::cmp::Ordering;
@@ -19,7 +22,18 @@ const LEAST_DEPTH: u32 = 2;
 const MOST_PIECES: usize = 4000;
 
 /// Most blockers that samples are tested against, over all samples of a pair.
-const MOST_TESTS: usize = 2_000_000;
+const MOST_TESTS: usize = 1_000_000;
+
+/// Most blockers of a piece for exact clipping, and how many of them rays cost as much as. The fragments of what is seen grow in
+/// number with the blockers, so that clipping by 40 of them takes as long as a thousand rays.
+const MOST_CLIPPED: usize = 40;
+const COST_OF_RAYS: usize = 60;
+
+/// Blockers that are culled in the time of one such test.
+const COST_OF_CULL: usize = 4;
+
+/// Blockers, the largest first, that are tried as the one that hides everything.
+const MOST_COVERS: usize = 32;
 
 /// Samples of the rule.
 const SAMPLES: usize = 7;
@@ -32,6 +46,8 @@ pub(crate) struct Scene<'a> {
     pub target: Face<'a>,
     /// What may stand between.
     pub blockers: &'a [Blocker],
+    /// The same by rays.
+    pub rays: Rays<'a>,
     /// What counts as 0 in heights.
     pub flat: f64,
 }
@@ -52,7 +68,10 @@ struct Piece {
     /// Numbers of the blockers that reach into the hull of the piece and the target.
     blockers: Vec<u32>,
     value: f64,
+    /// Estimate of what the rule misses, which halving makes smaller.
     error: f64,
+    /// Estimate of what the samples' own values are off by, which it does not.
+    floor: f64,
     number: usize,
 }
 
@@ -86,7 +105,7 @@ pub(crate) fn exchange(
 ) -> (f64, f64) {
     let mut tests = 0;
     let mut heap = BinaryHeap::new();
-    let mut done = (0.0, 0.0);
+    let mut done = Sum::default();
     let corners = scene.outer.corners;
     let all: Vec<u32> = (0..scene.blockers.len() as u32).collect();
     let mut waiting: Vec<([DVec3; 3], u32, Vec<u32>)> =
@@ -95,7 +114,7 @@ pub(crate) fn exchange(
     let (mut value, mut error) = (0.0, 0.0);
     loop {
         while let Some((corners, depth, blockers)) = waiting.pop() {
-            let mut piece = Piece { corners, depth, blockers, value: 0.0, error: 0.0, number };
+            let mut piece = Piece { corners, depth, blockers, value: 0.0, error: 0.0, floor: 0.0, number };
             number += 1;
             let halve = evaluate(&mut piece, scene, &mut tests, scratch, open);
             if halve && number < MOST_PIECES {
@@ -104,7 +123,7 @@ pub(crate) fn exchange(
                 value += piece.value;
                 error += piece.error;
                 if piece.blockers.is_empty() {
-                    done = (done.0 + piece.value, done.1 + piece.error);
+                    done = done.with(&piece);
                 } else {
                     heap.push(piece);
                 }
@@ -121,7 +140,21 @@ pub(crate) fn exchange(
     // Summed anew, in the order of their numbers, free of what the running sums have rounded.
     let mut pieces = heap.into_vec();
     pieces.sort_unstable_by_key(|piece| piece.number);
-    pieces.iter().fold(done, |(value, error), piece| (value + piece.value, error + piece.error))
+    let sum = pieces.iter().fold(done, Sum::with);
+    (sum.value, sum.error)
+}
+
+/// Of pieces.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    value: f64,
+    error: f64,
+}
+
+impl Sum {
+    fn with(self, piece: &Piece) -> Sum {
+        Sum { value: self.value + piece.value, error: self.error + piece.error + piece.floor }
+    }
 }
 
 /// Two halves, cut at the longest edge (Rivara 1984).
@@ -147,12 +180,13 @@ fn evaluate(
     hull(face, target, flat, &mut scratch.sides);
     let blocker = |&i: &u32| &scene.blockers[i as usize];
     piece.blockers.retain(|i| reaches_into(blocker(i).corners(), &scratch.sides, flat, &mut scratch.spare));
+    *tests += piece.blockers.len() / COST_OF_CULL;
     let whole = unobstructed::exchange(face, target, open);
     if piece.blockers.is_empty() {
         (piece.value, piece.error) = whole;
         return false;
     }
-    if piece.blockers.iter().any(|i| blocker(i).covers(&piece.corners, target.corners, flat)) {
+    if piece.blockers.iter().take(MOST_COVERS).any(|i| blocker(i).covers(&piece.corners, target.corners, flat)) {
         piece.blockers.clear();
         return false;
     }
@@ -160,27 +194,54 @@ fn evaluate(
         return true;
     }
     let area = 0.5 * (piece.corners[1] - piece.corners[0]).cross(piece.corners[2] - piece.corners[0]).length();
-    let (mut visible, mut hidden) = ([0.0; SAMPLES], [0.0; SAMPLES]);
-    for (k, (weights, _)) in RULE.iter().enumerate() {
-        let point = (0..3).map(|i| weights[i] * piece.corners[i]).sum();
-        let blockers = piece.blockers.iter().map(blocker);
-        let seen = seen(point, scene.outer.normal, target.corners, blockers, flat, &mut scratch.shadow);
-        (visible[k], hidden[k]) = (seen.visible, seen.whole - seen.visible);
-        *tests += piece.blockers.len();
-    }
+    let points = RULE.map(|(weights, _)| (0..3).map(|i| weights[i] * piece.corners[i]).sum());
+    let clipped = piece.blockers.len() <= MOST_CLIPPED;
+    let samples: [Seen; SAMPLES] = look(points, piece, scene, &mut scratch.shadow);
+    *tests += SAMPLES * if clipped { piece.blockers.len() } else { COST_OF_RAYS };
     // Either what is seen is integrated, or what is hidden, and taken from the closed form: whichever is smoother.
-    let ((seen, seen_error), (hidden, hidden_error)) = (integrate(visible), integrate(hidden));
+    let (seen, seen_error) = integrate(samples.map(|s| s.visible));
+    let (hidden, hidden_error) = integrate(samples.map(|s| s.whole - s.visible));
     (piece.value, piece.error) = if seen_error <= hidden_error {
         (area * seen, area * seen_error)
     } else {
         ((whole.0 - area * hidden).max(0.0), area * hidden_error + whole.1)
     };
+    if !clipped {
+        // By so much the rules differ even where F is smooth; and the samples' errors have either sign.
+        let noise = area * SHARE_ERROR * seen.min(hidden).max(0.0);
+        piece.error = (piece.error - noise).max(0.0);
+        piece.floor = noise / (SAMPLES as f64).sqrt();
+    }
+    if seen == 0.0 || hidden == 0.0 {
+        // Light or shadow may yet reach in from a corner,
+        let corners = look(piece.corners, piece, scene, &mut scratch.shadow);
+        let mean = |of: fn(&Seen) -> f64| corners.iter().map(of).sum::<f64>() / 3.0;
+        piece.error += area * if seen == 0.0 { mean(|s| s.visible) } else { mean(|s| s.whole - s.visible) };
+        *tests += 3 * piece.blockers.len();
+    }
     if hidden == 0.0 {
-        // Blockers that no sample's view meets may still hide something between the samples: at most what they receive.
-        let most: f64 = piece.blockers.iter().map(|i| super::clip::area_vector(blocker(i).corners()).length()).sum();
+        // and blockers that no sample's view meets may hide something between the samples: at most what they receive.
+        let most: f64 = piece.blockers.iter().map(|i| area_vector(blocker(i).corners()).length()).sum();
         piece.error += UNSEEN * most.min(whole.0);
     }
     false
+}
+
+/// What points of a piece see of the target.
+fn look<const N: usize>(
+    points: [DVec3; N],
+    piece: &Piece,
+    scene: &Scene,
+    scratch: &mut shadow::Scratch,
+) -> [Seen; N] {
+    let normal = scene.outer.normal;
+    if piece.blockers.len() > MOST_CLIPPED {
+        return sampled::seen(points, normal, scene.target, scene.rays);
+    }
+    points.map(|point| {
+        let blockers = piece.blockers.iter().map(|&i| &scene.blockers[i as usize]);
+        shadow::seen(point, normal, scene.target.corners, blockers, scene.flat, scratch)
+    })
 }
 
 /// Share of what unseen blockers could hide at most that is taken as the error.

@@ -36,7 +36,7 @@ struct Sample {
 
 /// Costs in units of one evaluation of cosθ cosθ′/r⁴, measured: a corner of the point-to-polygon form, a pair of edges.
 const COST_CORNER: usize = 8;
-const COST_EDGES: usize = 60;
+const COST_EDGES: usize = 100;
 
 /// Largest order of a rule over a polygon; above, the contour form is both faster and exact.
 const LARGEST_ORDER: usize = 8;
@@ -55,9 +55,9 @@ pub(crate) fn exchange(a: Face, b: Face, scratch: &mut Scratch) -> (f64, f64) {
     if least == both {
         with_error(product(a, points_a, b, points_b), 0.0)
     } else if least == from_a {
-        with_error(from_points(a, points_a, b, &mut scratch.relative), 0.0)
+        with_error(from_points(a, points_a, b, &mut scratch.relative), POINT_ROUNDING * total(points_a))
     } else if least == from_b {
-        with_error(from_points(b, points_b, a, &mut scratch.relative), 0.0)
+        with_error(from_points(b, points_b, a, &mut scratch.relative), POINT_ROUNDING * total(points_b))
     } else {
         let (area, terms) = double_contour(a, b);
         with_error(area, 4.0 * f64::EPSILON * terms)
@@ -68,6 +68,13 @@ pub(crate) fn exchange(a: Face, b: Face, scratch: &mut Scratch) -> (f64, f64) {
 fn with_error(area: f64, rounding: f64) -> (f64, f64) {
     let area = area.max(0.0);
     (area, 1e-10 * area + rounding)
+}
+
+/// What the point-to-polygon form rounds, absolutely: its angles are added with both signs.
+const POINT_ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+fn total(samples: &[Sample]) -> f64 {
+    samples.iter().map(|s| s.area).sum()
 }
 
 /// Fills `samples` with a rule over `a` that suits the distance of `b`; None if that would be too large.
