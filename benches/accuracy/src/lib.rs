@@ -8,6 +8,7 @@ pub mod page;
 pub mod plot;
 pub mod scene;
 pub mod suite;
+pub mod view_factor;
 
 /// What one suite measured: a section of the page.
 #[derive(Clone, Debug, Default)]

@@ -22,4 +22,6 @@ macro_rules! suites {
 
 suites! {
     furnace
+    view_factors
+    obstructed_view_factors
 }

@@ -1,6 +1,8 @@
 //! The suites, in the order of the page.
 
 mod furnace;
+mod obstructed_view_factors;
+mod view_factors;
 
 use crate::Section;
 
@@ -8,4 +10,8 @@ use crate::Section;
 pub type Suite = (&'static str, fn() -> Section);
 
 /// All suites, in the order of the page. Every one has a test of its name in `tests/suites.rs`.
-pub const SUITES: &[Suite] = &[("furnace", furnace::measure)];
+pub const SUITES: &[Suite] = &[
+    ("furnace", furnace::measure),
+    ("view_factors", view_factors::measure),
+    ("obstructed_view_factors", obstructed_view_factors::measure),
+];

@@ -95,8 +95,18 @@ pub fn cases() -> Vec<Case> {
     add("quarter screen of View3D's square obstruction", floor(), ceiling(1.), panel([0., 0., 0.5], half(x), half(y)));
     add("screen in the middle", floor(), ceiling(1.), panel([0.3, 0.3, 0.5], [0.4, 0., 0.], [0., 0.4, 0.]));
     add("almost all hidden", floor(), ceiling(1.), panel([0.02, 0.02, 0.5], [0.97, 0., 0.], [0., 0.97, 0.]));
-    add("screen larger than the view, through the middle", floor(), ceiling(1.), panel([-5., -5., 0.5], [5.4, 0., 0.], [0., 10., 0.]));
-    add("tilted screen larger than the view", floor(), ceiling(1.), panel([0.5, -5., -1.], [1., 0., 3.], [0., 10., 0.]));
+    add(
+        "screen larger than the view, through the middle",
+        floor(),
+        ceiling(1.),
+        panel([-5., -5., 0.5], [5.4, 0., 0.], [0., 10., 0.]),
+    );
+    add(
+        "tilted screen larger than the view",
+        floor(),
+        ceiling(1.),
+        panel([0.5, -5., -1.], [1., 0., 3.], [0., 10., 0.]),
+    );
     add("upright screen from plane to plane", floor(), ceiling(1.), panel([0.4, -1., 0.], [0., 3., 0.], [0., 0., 1.]));
     add("upright screen on one", floor(), ceiling(1.), panel([0.4, 0.2, 0.], [0.1, 0.5, 0.], [0., 0., 0.6]));
     add("box between", floor(), ceiling(1.), cuboid([0.3, 0.2, 0.3], [0.6, 0.7, 0.6], 0.));
@@ -105,17 +115,20 @@ pub fn cases() -> Vec<Case> {
     add("box from one to the other", floor(), ceiling(1.), cuboid([0.3, 0.2, 0.0], [0.6, 0.7, 1.0], 10.));
     add("small box standing on one", floor(), ceiling(1.), cuboid([0.45, 0.45, 0.0], [0.55, 0.55, 0.1], 30.));
     add("far squares, box between", floor(), ceiling(8.), cuboid([0.3, -0.2, 3.0], [0.6, 0.7, 4.0], 15.));
-    for (name, count, tilt, width) in
-        [("flat slats", 5, 0.0, 0.1), ("tilted slats", 6, 0.08, 0.08), ("steep slats", 10, 0.1, 0.02), ("thin bars", 4, 0.0, 0.01)]
-    {
-        let slats = (0..count).flat_map(|i| {
-            panel([-1., (f64::from(i) + 0.4) / f64::from(count), 0.45], [3., 0., 0.], [0., width, tilt])
-        });
+    for (name, count, tilt, width) in [
+        ("flat slats", 5, 0.0, 0.1),
+        ("tilted slats", 6, 0.08, 0.08),
+        ("steep slats", 10, 0.1, 0.02),
+        ("thin bars", 4, 0.0, 0.01),
+    ] {
+        let slats = (0..count)
+            .flat_map(|i| panel([-1., (f64::from(i) + 0.4) / f64::from(count), 0.45], [3., 0., 0.], [0., width, tilt]));
         add(name, floor(), ceiling(1.), slats.collect());
     }
     add("crossed thin bars", floor(), ceiling(1.), {
         let bars = [0.2, 0.5, 0.8].map(|t| {
-            [panel([t, -1., 0.3], [0.005, 0., 0.], [0., 3., 0.]), panel([-1., t, 0.7], [0., 0.005, 0.], [3., 0., 0.])].concat()
+            [panel([t, -1., 0.3], [0.005, 0., 0.], [0., 3., 0.]), panel([-1., t, 0.7], [0., 0.005, 0.], [3., 0., 0.])]
+                .concat()
         });
         bars.concat()
     });
@@ -135,12 +148,18 @@ pub fn cases() -> Vec<Case> {
     });
     // Of different sizes; needles; triangles; partly behind each other's plane.
     let patch = points([[0.4, 0.4, 0.], [0.45, 0.4, 0.], [0.45, 0.45, 0.], [0.4, 0.45, 0.]]);
-    add("small and large, box between", patch.clone(), points([[-3., -3., 2.], [-3., 4., 2.], [4., 4., 2.], [4., -3., 2.]]), {
-        cuboid([0., 0., 0.5], [0.6, 0.5, 0.9], 40.)
-    });
-    add("small and large, box beside the small one", patch, points([[-3., -3., 2.], [-3., 4., 2.], [4., 4., 2.], [4., -3., 2.]]), {
-        cuboid([0.46, 0.3, 0.0], [0.6, 0.5, 0.3], 0.)
-    });
+    add(
+        "small and large, box between",
+        patch.clone(),
+        points([[-3., -3., 2.], [-3., 4., 2.], [4., 4., 2.], [4., -3., 2.]]),
+        cuboid([0., 0., 0.5], [0.6, 0.5, 0.9], 40.),
+    );
+    add(
+        "small and large, box beside the small one",
+        patch,
+        points([[-3., -3., 2.], [-3., 4., 2.], [4., 4., 2.], [4., -3., 2.]]),
+        cuboid([0.46, 0.3, 0.0], [0.6, 0.5, 0.3], 0.),
+    );
     let needle = points([[0., 0.5, 0.], [1., 0.5, 0.], [1., 0.502, 0.], [0., 0.502, 0.]]);
     add("needle and square, turned box", needle, ceiling(0.7), cuboid([0.3, 0.2, 0.2], [0.6, 0.7, 0.4], 25.));
     let leaning = points([[0.3, -0.5, -0.4], [0.9, 1.2, -0.3], [0.1, 0.6, 1.1]]);

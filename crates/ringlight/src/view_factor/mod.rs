@@ -31,8 +31,8 @@ pub use polygon::Polygon;
 pub use spill::{Entry, Storage};
 
 use pair::Pair;
-use sampled::Rays;
 use ringlight_visibility::NO_PLANE;
+use sampled::Rays;
 
 /// A factor with the estimate of its error, both as exchange areas A₁F₁₂ = A₂F₂₁, m²: the one number that belongs to the
 /// pair. Divide by the area of the side from which it is looked at.
@@ -69,7 +69,8 @@ pub struct Work {
 }
 
 /// A·F of two polygons: what one sees of the front of the other, averaged over its own front. The same bits for (a, b) and
-/// (b, a). With nothing in the way it is exact to about ten digits whatever the tolerance is.
+/// (b, a). With nothing in the way it is exact to about ten digits whatever the tolerance is. With occluders in the way the
+/// time it takes is bounded (about a second), and the error may then exceed the tolerance; it always says by how much.
 pub fn exchange(
     a: &Polygon,
     b: &Polygon,
@@ -84,6 +85,7 @@ pub fn exchange(
     let metres = pair.unit * pair.unit;
     let occluders = occluders.filter(|occluders| between::find(pair, occluders, between));
     let (area, error) = if let Some(occluders) = occluders {
+        let least = tolerance.absolute * a.area.min(b.area) / metres;
         let outer = between::outer(pair, &between.blockers);
         let scene = obstructed::Scene {
             outer: pair.face(outer),
@@ -96,8 +98,8 @@ pub fn exchange(
                 planes: [pair.planes[outer], pair.planes[1 - outer]],
             },
             flat: pair.flat,
+            least,
         };
-        let least = tolerance.absolute * a.area.min(b.area) / metres;
         let enough = |area: f64| least.max(tolerance.relative * area);
         obstructed::exchange(&scene, enough, obstructed, unobstructed)
     } else {

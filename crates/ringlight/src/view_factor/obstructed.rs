@@ -15,7 +15,7 @@ use glam::DVec3;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Pieces below this depth are always halved: so many samples a polygon takes at least, however smooth it looks.
+/// Pieces below this depth are halved however smooth they look, unless all that they could receive is below the tolerance.
 const LEAST_DEPTH: u32 = 2;
 
 /// Most pieces of a pair.
@@ -50,6 +50,8 @@ pub(crate) struct Scene<'a> {
     pub rays: Rays<'a>,
     /// What counts as 0 in heights.
     pub flat: f64,
+    /// A·F that does not matter.
+    pub least: f64,
 }
 
 /// Room for intermediate results.
@@ -190,7 +192,7 @@ fn evaluate(
         piece.blockers.clear();
         return false;
     }
-    if piece.depth < LEAST_DEPTH {
+    if piece.depth < LEAST_DEPTH && whole.0 > scene.least {
         return true;
     }
     let area = 0.5 * (piece.corners[1] - piece.corners[0]).cross(piece.corners[2] - piece.corners[0]).length();
@@ -228,12 +230,7 @@ fn evaluate(
 }
 
 /// What points of a piece see of the target.
-fn look<const N: usize>(
-    points: [DVec3; N],
-    piece: &Piece,
-    scene: &Scene,
-    scratch: &mut shadow::Scratch,
-) -> [Seen; N] {
+fn look<const N: usize>(points: [DVec3; N], piece: &Piece, scene: &Scene, scratch: &mut shadow::Scratch) -> [Seen; N] {
     let normal = scene.outer.normal;
     if piece.blockers.len() > MOST_CLIPPED {
         return sampled::seen(points, normal, scene.target, scene.rays);
@@ -262,7 +259,7 @@ const RULE: [([f64; 3], f64); SAMPLES] = [
 const NEAR_CORNER: f64 = 0.101_286_507_323_456_34;
 const NEAR_CORNER_SHARE: f64 = 0.125_939_180_544_827_15;
 const NEAR_EDGE: f64 = 0.470_142_064_105_115_1;
-const NEAR_EDGE_SHARE: f64 = 0.132_394_152_788_506_18;
+const NEAR_EDGE_SHARE: f64 = 0.132_394_152_788_506_2;
 
 /// Mean over the triangle, and by how much the rules of degree 2 that lie in the rule differ from it: the centroid with the
 /// samples near the corners, and with those near the edges.

@@ -62,7 +62,8 @@ pub(crate) fn seen<const N: usize>(points: [DVec3; N], normal: DVec3, target: Fa
                 let area = along.cross(across).length();
                 for i in 0..N {
                     let r = place - points[i];
-                    let weight = area * r.dot(normal).max(0.0) * (-r.dot(target.normal)).max(0.0) / r.length_squared().powi(2);
+                    let weight =
+                        area * r.dot(normal).max(0.0) * (-r.dot(target.normal)).max(0.0) / r.length_squared().powi(2);
                     all[i] += weight;
                     open[i] += if masks[i] >> cell & 1 == 1 { weight } else { 0.0 };
                 }

@@ -35,8 +35,8 @@ struct Sample {
 }
 
 /// Costs in units of one evaluation of cosθ cosθ′/r⁴, measured: a corner of the point-to-polygon form, a pair of edges.
-const COST_CORNER: usize = 8;
-const COST_EDGES: usize = 100;
+const COST_CORNER: usize = 25;
+const COST_EDGES: usize = 200;
 
 /// Largest order of a rule over a polygon; above, the contour form is both faster and exact.
 const LARGEST_ORDER: usize = 8;
@@ -60,7 +60,7 @@ pub(crate) fn exchange(a: Face, b: Face, scratch: &mut Scratch) -> (f64, f64) {
         with_error(from_points(b, points_b, a, &mut scratch.relative), POINT_ROUNDING * total(points_b))
     } else {
         let (area, terms) = double_contour(a, b);
-        with_error(area, 4.0 * f64::EPSILON * terms)
+        with_error(area, 16.0 * f64::EPSILON * terms)
     }
 }
 
