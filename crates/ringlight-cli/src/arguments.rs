@@ -1,7 +1,7 @@
 //! The command line: a contract that scripts rely on.
 
 use crate::outputs::Output;
-use crate::values::{self, CheckpointChoice, ExposureChoice, PictureSize};
+use crate::values::{self, CheckpointChoice, ExposureChoice, Matrix, PictureSize};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use ringlight::probe::GridRequest;
 use std::path::PathBuf;
@@ -45,6 +45,9 @@ pub enum Verb {
     /// Tell what is in a scene, what will be ignored, and how big the solve will be
     #[command(after_help = INSPECT_EXAMPLES)]
     Inspect(Inspect),
+    /// Area-averaged form factors between the objects or faces of a scene, obstructed
+    #[command(name = "viewfactors", after_help = VIEW_FACTOR_EXAMPLES)]
+    ViewFactors(ViewFactors),
     /// Print the completion script of a shell
     #[command(after_help = COMPLETIONS_EXAMPLES)]
     Completions {
@@ -91,6 +94,17 @@ const INSPECT_EXAMPLES: &str = "\
 Examples:
   ringlight inspect office.glb
   ringlight inspect office.glb --quality high --json";
+
+const VIEW_FACTOR_EXAMPLES: &str = "\
+Faces see from their front, from which their corners run counter-clockwise; all faces block from both sides.
+
+Examples:
+  ringlight viewfactors room.obj -o F.csv                             a row for each object
+  ringlight viewfactors room.obj -o F.csv --per face --errors E.csv   a row for each face, and error estimates
+  ringlight viewfactors city.obj -o F.csv --per face --min 1e-5       only factors from 0.00001, a line each
+  ringlight viewfactors room.glb -o F.npy --sides both --report F.json
+
+Exit codes: 0 done, 1 error, 2 usage, 3 bad scene, 130 interrupted and 143 terminated, both without output.";
 
 const COMPLETIONS_EXAMPLES: &str = "\
 Examples:
@@ -216,6 +230,50 @@ pub struct Inspect {
     /// As JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// `viewfactors`.
+#[derive(Debug, Args)]
+pub struct ViewFactors {
+    /// Scene: .glb, .gltf or .obj
+    pub scene: PathBuf,
+    /// Matrix, by ending: .csv table, .npy NumPy array; may be repeated
+    #[arg(short, long = "output", value_name = "OUT", required = true, value_parser = values::matrix)]
+    pub output: Vec<Matrix>,
+    /// Estimated errors of the factors, in the same form: .csv or .npy
+    #[arg(long, value_name = "FILE", value_parser = values::matrix)]
+    pub errors: Option<Matrix>,
+    /// What has a row: objects by name, or every face of the file
+    #[arg(long, value_enum, default_value = "object")]
+    pub per: PerChoice,
+    /// Which sides of faces see and are seen
+    #[arg(long, value_enum, default_value = "front")]
+    pub sides: SidesChoice,
+    /// Estimated error that partly hidden faces may have, as a share of F; a factor between two polygons may always be off
+    /// by 0.005 times this
+    #[arg(long, value_name = "SHARE", default_value = "0.001", value_parser = values::tolerance)]
+    pub tolerance: f64,
+    /// Write only factors of at least F, a line each: from,to,area,factor,error
+    #[arg(long, value_name = "F", value_parser = values::least)]
+    pub min: Option<f64>,
+    /// Unit of an OBJ file's lengths; metres by default
+    #[arg(long, value_enum)]
+    pub unit: Option<UnitChoice>,
+    /// Threads; all cores by default. The result does not depend on it
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// Write an audit as JSON: counts, row sums, reciprocity, estimates
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Progress on standard error; auto: a bar on terminals, else plain lines
+    #[arg(long, value_enum, default_value = "auto")]
+    pub progress: ProgressChoice,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Overwrite files that are there
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// Where results go.
@@ -352,6 +410,24 @@ pub enum UnitChoice {
 pub enum SolverChoice {
     /// Plain progressive refinement
     Plain,
+}
+
+/// What has a row of the matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum PerChoice {
+    /// Every named object
+    Object,
+    /// Every face of the file; its name is followed by / and its number in the file
+    Face,
+}
+
+/// Which sides of faces see.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SidesChoice {
+    /// The front
+    Front,
+    /// Both; areas count both
+    Both,
 }
 
 /// What a patch shoots.

@@ -17,6 +17,7 @@ mod resume;
 mod run;
 mod signals;
 mod values;
+mod viewfactors;
 
 use arguments::{Arguments, Verb};
 use clap::{CommandFactory, Parser};
@@ -53,6 +54,7 @@ fn act(verb: &Verb) -> Result<End, Failure> {
         Verb::Export(export) | Verb::Render(export) => export.threads,
         Verb::Probe(probe) => probe.threads,
         Verb::Inspect(inspect) => inspect.threads,
+        Verb::ViewFactors(factors) => factors.threads,
         Verb::Completions { .. } => None,
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global();
@@ -64,6 +66,7 @@ fn act(verb: &Verb) -> Result<End, Failure> {
         Verb::Render(export) => export::render(export),
         Verb::Probe(probe) => probe::probe(probe),
         Verb::Inspect(inspect) => inspect::inspect(inspect),
+        Verb::ViewFactors(factors) => viewfactors::viewfactors(factors),
         Verb::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Arguments::command(), "ringlight", &mut script);

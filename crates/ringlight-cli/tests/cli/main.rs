@@ -5,4 +5,5 @@ mod damage;
 mod interruption;
 mod probe;
 mod sameness;
+mod viewfactors;
 mod workshop;

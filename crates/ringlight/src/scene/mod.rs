@@ -56,6 +56,9 @@ pub struct SourceTriangle {
     pub emission_uv: [[f32; 2]; 3],
     /// Vertex colours, linear RGBA; ones where the file has none.
     pub colour: [[f32; 4]; 3],
+    /// Number of the input face it is a part of, counted over the file from 0: of the `f` statement in an OBJ file, of the
+    /// triangle itself in glTF, in the order of the surfaces.
+    pub face: u64,
 }
 
 /// One node of the hierarchy.

@@ -2,21 +2,33 @@
 //!
 //! Geometry is held in double precision, straight from the scene: no mesh, no elements.
 
+mod audit;
 mod between;
 mod clip;
 mod edges;
+mod faces;
+mod facing;
 mod hull;
+mod joining;
+mod matrix;
 mod obstructed;
 mod occluders;
 mod pair;
 mod polygon;
 mod quadrature;
 mod sampled;
+mod screens;
 mod shadow;
+mod solids;
+mod spill;
 mod unobstructed;
 
+pub use audit::{Auditor, Reciprocity, RowSums, reciprocity};
+pub use faces::{Faces, Group, Per, Sides};
+pub use matrix::{Computed, MatrixSettings, Pairs, Row, compute};
 pub use occluders::{Occluder, Occluders};
 pub use polygon::Polygon;
+pub use spill::{Entry, Storage};
 
 use pair::Pair;
 use ringlight_visibility::NO_PLANE;
