@@ -54,7 +54,7 @@ fn cuboid(low: [f64; 3], high: [f64; 3], degrees: f64) -> Vec<[DVec3; 3]> {
         .collect()
 }
 
-/// A wall x = `x` over y and z in −3…4 with a rectangular hole.
+/// A wall at height `z` over x and y in −3…4, with a rectangular hole.
 fn wall_with_hole(z: f64, [x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> Vec<[DVec3; 3]> {
     [
         panel([-3., -3., z], [3. + x0, 0., 0.], [0., 7., 0.]),
