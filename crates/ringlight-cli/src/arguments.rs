@@ -3,6 +3,7 @@
 use crate::outputs::Output;
 use crate::values::{self, CheckpointChoice, ExposureChoice, PictureSize};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use ringlight::probe::GridRequest;
 use std::path::PathBuf;
 
 /// Bakes light into 3D scenes: glTF or OBJ in; a lit model, pictures, lux values out.
@@ -38,6 +39,9 @@ pub enum Verb {
     /// Draw a picture of a solution from any camera
     #[command(after_help = RENDER_EXAMPLES)]
     Render(Export),
+    /// Tell the irradiance at points or on a calculation grid of a solution
+    #[command(after_help = PROBE_EXAMPLES)]
+    Probe(Box<Probe>),
     /// Tell what is in a scene, what will be ignored, and how big the solve will be
     #[command(after_help = INSPECT_EXAMPLES)]
     Inspect(Inspect),
@@ -70,6 +74,18 @@ const RENDER_EXAMPLES: &str = "\
 Examples:
   ringlight render office.ringlight -o desk.png --camera desk
   ringlight render office.ringlight -o lux.png --false-colour lux --camera '3,1.6,4;0,1,0;60' --size 1920x1080";
+
+const PROBE_EXAMPLES: &str = "\
+Points are a CSV file with a header and the columns x,y,z (world coordinates in metres, also where the scene was an OBJ file
+in another unit) and nx,ny,nz (a normal of any length), in any order; other columns are ignored. Out comes CSV with
+x,y,z,nx,ny,nz,e_r,e_g,e_b,e,status. The status is ok; inside (in solid geometry, or behind surfaces); or, with --how surface,
+far. Without ok the columns e_* are empty.
+
+Examples:
+  ringlight probe office.ringlight --points desks.csv -o lux.csv
+  ringlight probe office.ringlight --grid floor@0.25 --height 0.75 -o plane.png -o plane.csv
+  ringlight probe office.ringlight --grid '0.5,0.75,0.5;5.5,0.75,3.5@0.25'
+  ringlight probe office.ringlight --points centres.csv -o shown.csv --how surface";
 
 const INSPECT_EXAMPLES: &str = "\
 Examples:
@@ -130,6 +146,48 @@ pub struct Export {
     #[command(flatten)]
     pub display: DisplayArguments,
     /// Threads; all cores by default
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// `probe`.
+#[derive(Debug, Args)]
+pub struct Probe {
+    /// Solution (.ringlight)
+    pub solution: PathBuf,
+    /// Points with normals, CSV
+    #[arg(long, value_name = "CSV", required_unless_present = "grid", conflicts_with = "grid")]
+    pub points: Option<PathBuf>,
+    /// Grid of points: the top of an object (or the front of a flat one), a rectangle by two opposite corners, or a
+    /// parallelogram by a corner and the two beside it; @ the largest distance between points, metres. A rectangle that
+    /// lies looks up; three corners look to where they run counter-clockwise
+    #[arg(long, value_name = "OBJECT|x,y,z;x,y,z[;x,y,z]@M", allow_hyphen_values = true)]
+    pub grid: Option<GridRequest>,
+    /// Height of the grid over its area, metres, along the normal
+    #[arg(long, value_name = "M", default_value = "0", value_parser = values::number, allow_hyphen_values = true)]
+    pub height: f64,
+    /// Output: .csv rows of points, .png false-colour picture of a grid; may be repeated
+    #[arg(short, long = "output", value_name = "OUT", required_unless_present = "grid", value_parser = values::output)]
+    pub output: Vec<Output>,
+    /// Overwrite files that are there
+    #[arg(long)]
+    pub force: bool,
+    /// Gather light at the point, or read what the nearest surface shows
+    #[arg(long, value_enum, default_value = "gather")]
+    pub how: HowChoice,
+    /// Gather: most cells of a patch, or of each part of one
+    #[arg(long, value_name = "1|4|16|64", default_value = "64", value_parser = values::cells)]
+    pub cells: u32,
+    /// Gather: share of a point's light by which a patch may be off before it is cut into parts
+    #[arg(long, value_name = "SHARE", default_value = "2e-5", value_parser = values::positive)]
+    pub tolerance: f64,
+    /// Surface: how far the surface may be, metres; the size of elements by default
+    #[arg(long, value_name = "M", value_parser = values::positive)]
+    pub reach: Option<f64>,
+    /// Threads; all cores by default. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
     /// Say nothing but errors
@@ -303,6 +361,15 @@ pub enum ShootChoice {
     Elements,
     /// The average everywhere
     Average,
+}
+
+/// Where probes take light from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum HowChoice {
+    /// All patches, lamps and the sky, obstructed
+    Gather,
+    /// The nearest surface that faces the same way, interpolated as it is displayed
+    Surface,
 }
 
 /// Tone mappings.

@@ -11,6 +11,7 @@ mod inspect;
 mod machine;
 mod map;
 mod outputs;
+mod probe;
 mod progress;
 mod resume;
 mod run;
@@ -50,6 +51,7 @@ fn act(verb: &Verb) -> Result<End, Failure> {
         Verb::Bake(bake) => bake.running.threads,
         Verb::Resume(resume) => resume.running.threads,
         Verb::Export(export) | Verb::Render(export) => export.threads,
+        Verb::Probe(probe) => probe.threads,
         Verb::Inspect(inspect) => inspect.threads,
         Verb::Completions { .. } => None,
     };
@@ -60,6 +62,7 @@ fn act(verb: &Verb) -> Result<End, Failure> {
         Verb::Resume(resume) => resume::resume(resume),
         Verb::Export(export) => export::export(export),
         Verb::Render(export) => export::render(export),
+        Verb::Probe(probe) => probe::probe(probe),
         Verb::Inspect(inspect) => inspect::inspect(inspect),
         Verb::Completions { shell } => {
             let mut script = Vec::new();

@@ -133,7 +133,7 @@ pub fn check_inputs(targets: &Targets, others: &Others<'_>, read: &[PathBuf]) ->
 }
 
 /// What makes two paths the same file, as far as can be told before it exists.
-fn identity(path: &Path) -> PathBuf {
+pub fn identity(path: &Path) -> PathBuf {
     let folder = files::folder_of(path);
     folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default())
 }

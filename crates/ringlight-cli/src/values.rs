@@ -31,7 +31,8 @@ pub struct CheckpointChoice {
     pub seconds: f64,
 }
 
-fn number(text: &str) -> Result<f64, String> {
+/// A finite number.
+pub fn number(text: &str) -> Result<f64, String> {
     let number = f64::from_str(text.trim()).map_err(|_| format!("'{text}' is not a number"))?;
     if number.is_finite() { Ok(number) } else { Err(format!("'{text}' is not a finite number")) }
 }

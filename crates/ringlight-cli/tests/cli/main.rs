@@ -3,5 +3,6 @@
 mod contract;
 mod damage;
 mod interruption;
+mod probe;
 mod sameness;
 mod workshop;

@@ -7,7 +7,9 @@
 
 use super::nearest::closest_point;
 use super::place::{Place, Surroundings};
+use super::sides::Sides;
 use super::{Point, Reading, Status};
+use crate::form_factor::contour;
 use crate::mesh::{Mesh, Patch, Tile};
 use crate::shooting::{self, Emitter, Field, Packet, PatchSource, Shoot, Shot, Source, WHOLE, radiosity};
 use crate::solution::Solution;
@@ -26,7 +28,7 @@ pub struct GatherOptions {
 
 impl Default for GatherOptions {
     fn default() -> GatherOptions {
-        GatherOptions { cells: 64, tolerance: 5e-5 }
+        GatherOptions { cells: 64, tolerance: 2e-5 }
     }
 }
 
@@ -80,6 +82,8 @@ struct Shining {
 
 /// What bounds the light that a shooter can give.
 struct Extent {
+    corners: [DVec3; 4],
+    count: usize,
     /// A ball that holds it.
     centre: DVec3,
     radius: f64,
@@ -117,8 +121,7 @@ impl<'a> Gatherer<'a> {
                 let patch = mesh.patch(id);
                 let bright = |e: u32| if mesh.valid[e as usize] == 0 { 0.0 } else { total(radiosity[e as usize]) };
                 let brightest = patch.elements().map(bright).fold(0.0, f64::max);
-                let (corners, count) = patch.frame.corners();
-                let extent = Extent::new(&corners[..count], patch.normal, patch.area, brightest);
+                let extent = Extent::new(patch.frame.corners(), patch.normal, patch.area, brightest);
                 (brightest > 0.0).then_some(Shining { patch: id, extent })
             })
             .collect();
@@ -183,7 +186,7 @@ impl<'a> Gatherer<'a> {
         for (k, points) in by_side.iter().enumerate().filter(|(_, points)| !points.is_empty()) {
             let side = 1 << k;
             if side == self.side {
-                self.add_part(chunk, &field, field.scale(), WHOLE, points, 0);
+                self.add_part(chunk, &field, field.scale(), WHOLE, (points, &vec![Sides::NONE; points.len()]), 0);
             } else {
                 let lit = chunk.receive(&field.shot(side, Shoot::Elements, 0.0), points, self.hierarchy);
                 chunk.add(&lit, &[]);
@@ -197,14 +200,15 @@ impl<'a> Gatherer<'a> {
         [1, 2, 4].into_iter().find(|&side| side < self.side && error(side) <= self.tolerance).unwrap_or(self.side)
     }
 
-    /// Adds what the part of a patch over `tile` gives to `points`; cuts it in four for those that need it.
+    /// Adds what the part of a patch over `tile` gives to `points`, which come with the sides of the part along which an edge
+    /// of shadow may run; cuts it in four for those that need it.
     fn add_part(
         &self,
         chunk: &mut Chunk<'_>,
         field: &Field<'_>,
         scale: [f64; 3],
         tile: Tile,
-        points: &[u32],
+        (points, sides): (&[u32], &[Sides]),
         depth: u32,
     ) {
         let shot = field.part(tile, self.side, scale);
@@ -214,32 +218,55 @@ impl<'a> Gatherer<'a> {
         if brightest == 0.0 {
             return;
         }
-        let extent = Extent::new(&source.corners[..source.count], source.normal, source.area, brightest);
+        let extent = Extent::new((source.corners, source.count), source.normal, source.area, brightest);
         let lit = chunk.receive(&shot, points, self.hierarchy);
-        let uncertain = |&i: &u32| {
+        // Those for which the part is to be cut, with the cells that they see, those below the horizon counted as seen.
+        let mut cut: Vec<(u32, u64, Sides)> = Vec::new();
+        for (&i, &sides) in points.iter().zip(sides).filter(|_| depth < DEEPEST) {
             let place = &chunk.places[i as usize];
             let share = chunk.share(i as usize, extent.most(place));
             if share <= self.tolerance {
-                return false;
+                continue;
             }
             // Where all cells are below the horizon, the rest of it is not known at all.
-            let Ok(k) = lit.binary_search(&i) else { return true };
+            let Ok(k) = lit.binary_search(&i) else {
+                cut.push((i, u64::MAX, sides));
+                continue;
+            };
             let (seen, above) = (chunk.packet.masks()[k], shot.above_horizon(place.point, place.normal));
-            let (shadow, vague) =
-                if seen == above { (0.0, 1.0 - dimmest / brightest) } else { (shadow_error(self.side), 1.0) };
-            seen != 0 && share * (shadow + vague * nearness(source, self.side, place.point)) > self.tolerance
-        };
-        let cut: Vec<u32> =
-            if depth < DEEPEST { points.iter().filter(|i| uncertain(i)).copied().collect() } else { Vec::new() };
-        chunk.add(&lit, &cut);
+            let shadow = match sides {
+                _ if seen != above && seen != 0 => shadow_error(self.side),
+                Sides::NONE => 0.0,
+                // The edge runs within half a cell of the border: uniformly distributed there.
+                _ => 0.5 / f64::from(self.side) / 3f64.sqrt(),
+            };
+            let vague = match seen {
+                0 => 0.0,
+                _ if seen == above => 1.0 - dimmest / brightest,
+                _ => 1.0,
+            };
+            if share * (shadow + vague * nearness(source, self.side, place.point)) > self.tolerance {
+                cut.push((i, seen | !above, sides));
+            }
+        }
+        let without: Vec<u32> = cut.iter().map(|&(i, ..)| i).collect();
+        chunk.add(&lit, &without);
         if let (Cells::Grid(grid), false) = (&shot.shooter.cells, cut.is_empty()) {
             for quarter in 0..4 {
                 let part = tile.compose(Tile::of(grid.layout, [2, 2], quarter));
-                self.add_part(chunk, field, scale, part, &cut, depth + 1);
+                let sides: Vec<Sides> = cut
+                    .iter()
+                    .map(|&(_, seen, sides)| sides.of_quarter(quarter, grid.layout, self.side, seen))
+                    .collect();
+                self.add_part(chunk, field, scale, part, (&without, &sides), depth + 1);
             }
         }
     }
 }
+
+/// What rises less than this above a plane, seen from a point of it, lies in the plane; radians. Its form factor is of the
+/// order of the square.
+const IN_PLANE: f64 = 1e-6;
 
 /// Error of the visible share of a shooter across a straight shadow edge, rms, for `side`² cells: 0.27·M^(−3/4) (DESIGN
 /// section 3).
@@ -266,31 +293,37 @@ fn total(rgb: [f64; 3]) -> f64 {
 }
 
 impl Extent {
-    fn new(corners: &[DVec3], normal: DVec3, area: f64, brightest: f64) -> Extent {
-        let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
-        let radius = corners.iter().map(|&c| (c - centre).length()).fold(0.0, f64::max);
-        Extent { centre, radius, normal, area, brightest }
+    fn new((corners, count): ([DVec3; 4], usize), normal: DVec3, area: f64, brightest: f64) -> Extent {
+        let centre = corners[..count].iter().sum::<DVec3>() / count as f64;
+        let radius = corners[..count].iter().map(|&c| (c - centre).length()).fold(0.0, f64::max);
+        Extent { corners, count, centre, radius, normal, area, brightest }
     }
 
-    /// No less than the irradiance that it gives to a place when nothing stands between, summed over channels: F ≤
-    /// A cosθᵣ cosθₛ / (πr²) for its nearest and best aligned point, and F ≤ 1.
+    /// No less than the irradiance that it gives to a place when nothing stands between, summed over channels: exact when
+    /// it is near; else by F ≤ A cosθᵣ cosθₛ / (πr²) for the nearest and best aligned point of its ball.
     fn most(&self, place: &Place) -> f64 {
         let to = self.centre - place.point;
-        let (height, rise) = (-self.normal.dot(to), place.normal.dot(to) + self.radius);
-        if height <= 0.0 || rise <= 0.0 {
+        let (height, rise, away) = (-self.normal.dot(to), self.heights(place).1, to.length());
+        if height <= IN_PLANE * away || rise <= IN_PLANE * away {
             return 0.0;
         }
-        let nearest = to.length() - self.radius;
+        let nearest = away - self.radius;
         if nearest <= self.radius {
-            return self.brightest;
+            return self.brightest * contour(place.point, place.normal, &self.corners[..self.count]);
         }
         let cosines = (height / nearest).min(1.0) * (rise / nearest).min(1.0);
         self.brightest * (self.area * cosines / (std::f64::consts::PI * nearest * nearest)).min(1.0)
     }
 
-    /// Whether a part of it may lie below the horizon of a place.
+    /// Whether a part of it lies below the horizon of a place.
     fn straddles(&self, place: &Place) -> bool {
-        place.normal.dot(self.centre - place.point) < self.radius
+        self.heights(place).0 <= 0.0
+    }
+
+    /// Lowest and highest corner above the horizon of a place, metres.
+    fn heights(&self, place: &Place) -> (f64, f64) {
+        let above = self.corners[..self.count].iter().map(|&c| place.normal.dot(c - place.point));
+        above.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
     }
 }
 

@@ -5,14 +5,19 @@
 //! inside things ([`Status::Inside`]), points far from surfaces ([`Status::Far`]).
 
 mod gather;
+mod grid;
 mod nearest;
 mod place;
+mod sides;
 mod surface;
+mod table;
 #[cfg(test)]
 mod tests;
 
 pub use gather::{GatherOptions, gather};
+pub use grid::{Area, Grid, GridRequest, Statistics};
 pub use surface::{SurfaceOptions, surface};
+pub use table::{PointsError, read_points, write_readings};
 
 use crate::quantity::Rgb;
 
