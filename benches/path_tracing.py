@@ -21,19 +21,38 @@ SETTINGS = ["scene", "patch", "element", "cells", "until"]
 COLUMNS = ["series"] + SETTINGS + ["patches", "elements", "shots", "threads", "cpu", "wall", "rmse_raw", "rmse", "bias",
                                    "reference_error", "inside", "points", "worst"]
 
-# What is varied, one thing at a time, around one discretisation of each scene: sizes in metres.
-SERIES = {}
+# One discretisation of each scene (patch and element size in metres, cells, unshot share), and what is varied around it, one
+# thing at a time. Patches of 100 m are the scenes' faces. `time` is for the curve of error against time: the fast runs have
+# the harness's own elements, the last are as fine as 10 minutes on two cores allow.
+BASE = {"cornell": (0.1, 0.011, 64, 0.001), "office": (0.42, 0.1035, 16, 0.003)}
+VARIED = {
+    "patch": {"cornell": (100, 0.3, 0.1, 0.05), "office": (100, 1, 0.42, 0.21)},
+    "element": {"cornell": (0.066, 0.033, 0.022, 0.011, 0.0055), "office": (0.42, 0.2071, 0.1035, 0.069)},
+    "cells": {"cornell": (1, 4, 16, 64), "office": (1, 4, 16, 64)},
+    "until": {"cornell": (0.1, 0.03, 0.01, 0.003, 0.001, 0.0003), "office": (0.1, 0.03, 0.01, 0.003, 0.001)},
+}
+TIME = {
+    "cornell": [(100, 0.033, 4, 0.03), (100, 0.033, 16, 0.01), (100, 0.033, 64, 0.001), (0.05, 0.0055, 64, 0.0003)],
+    "office": [(100, 0.2071, 4, 0.03), (100, 0.2071, 16, 0.01), (0.42, 0.2071, 16, 0.003), (0.42, 0.069, 16, 0.001)],
+}
+SERIES = ["time", *VARIED]
 
 
 def runs(names, only):
-    """Settings of all runs of the named series, without those that come twice."""
-    seen = set()
-    for scene in ("cornell", "office"):
-        for name in names:
-            for settings in SERIES[name].get(scene, []):
-                if (only is None or scene == only) and (scene, *settings) not in seen:
-                    seen.add((scene, *settings))
-                    yield name, dict(zip(SETTINGS, (scene, *settings)))
+    """Settings of all runs of the named series, each once, with the names of all series it belongs to."""
+    series = {}
+    for scene in BASE:
+        if only in (None, scene):
+            for settings in TIME[scene]:
+                series.setdefault((scene, *settings), []).append("time")
+            for name, values in VARIED.items():
+                for value in values[scene]:
+                    settings = list(BASE[scene])
+                    settings[SETTINGS.index(name) - 1] = value
+                    series.setdefault((scene, *settings), []).append(name)
+    for settings, of in series.items():
+        if set(of) & set(names):
+            yield " ".join(of), dict(zip(SETTINGS, settings))
 
 
 def timed(command, limit):
@@ -121,7 +140,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("harness")
     parser.add_argument("--only", choices=["cornell", "office"])
-    parser.add_argument("--set", nargs="+", choices=sorted(SERIES), default=list(SERIES))
+    parser.add_argument("--set", nargs="+", choices=SERIES, default=SERIES)
     parser.add_argument("--most-seconds", type=float, default=600, help="a bake that takes longer is stopped and left out")
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--worst", type=int, default=0, help="print so many of the elements that err most")

@@ -21,7 +21,7 @@ pub use frame::{Frame, Tile};
 pub use occluders::{CLEAR_COVERAGE, OPAQUE_COVERAGE, Occluder, hierarchy};
 pub use plane::{Planes, RELATIVE_TOLERANCE};
 pub use size::{Quality, Sizes};
-pub use validity::{find_valid_samples, is_covered, sample_parameters};
+pub use validity::{find_valid_samples, is_covered, is_hidden_beside, sample_parameters};
 
 use crate::scene::Warnings;
 use bytemuck::{Pod, Zeroable};

@@ -104,6 +104,17 @@ pub fn is_covered(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec
     look_about(mesh, hierarchy, patch, point, width) == View::Covered
 }
 
+/// Whether a point of a patch is covered, or lies in a crack, while `other`, of the same element, is not or does not: then
+/// the light found there says nothing about the point, which by itself would take none.
+pub fn is_hidden_beside(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, other: DVec3) -> bool {
+    let width = (patch.area / f64::from(patch.element_count())).sqrt();
+    let view = |p: DVec3| look_about(mesh, hierarchy, patch, p, width);
+    match view(point) {
+        View::Open => false,
+        hidden => hidden == View::Covered || hidden < view(other),
+    }
+}
+
 /// What a sample sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum View {

@@ -7,11 +7,11 @@ use super::fan::Fan;
 use super::field::{self, Field, Part, Side, Work};
 use super::lattice::Lattice;
 use super::walls::Walls;
-use crate::mesh::{self, ALL_VALID, Frame, Tile};
+use crate::mesh::{self, Frame};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
 use glam::DVec2;
-use ringlight_visibility::{Hierarchy, Layout};
+use ringlight_visibility::Hierarchy;
 
 /// Light of a solution's surfaces at any place.
 pub struct SurfaceLight<'a> {
@@ -26,15 +26,15 @@ impl<'a> SurfaceLight<'a> {
         SurfaceLight { solution, field: Field::new(solution), walls: Walls::new(&solution.mesh, hierarchy) }
     }
 
-    /// Irradiance at parameters `within` of an element, W/m² or lux. None where no light is known: on the part of an
-    /// element that other geometry covers and that takes no light (under a box, in the crack between two books), and where
-    /// no sample around is seen.
+    /// Irradiance at parameters `within` of an element, W/m² or lux. None where no light is known: where other geometry
+    /// covers the surface and it takes no light (under a box, in the crack between two books), and where no sample around
+    /// is seen.
     pub fn at(&self, element: u32, within: DVec2) -> Option<Rgb> {
         let mesh = &self.solution.mesh;
         let (side, cell) = field::locate(mesh, element);
         let facet = &mesh.facets[side.facet as usize];
         let lattice = Lattice::of(facet);
-        if !is_free(lattice.layout, mesh.valid[element as usize], within) {
+        if self.walls.hides(side, cell, within) {
             return None;
         }
         let vertices = lattice.corners(cell);
@@ -67,16 +67,6 @@ impl<'a> SurfaceLight<'a> {
         let middle = mesh::sample_parameters(layout, self.solution.mesh.valid[element as usize])?;
         (!parts.is_empty()).then_some((light, middle))
     }
-}
-
-/// Whether a place of an element lies in, or on the border of, the part of a free sample.
-fn is_free(layout: Layout, valid: u16, within: DVec2) -> bool {
-    const BORDER: f64 = 1e-6;
-    let free = |x: f64, y: f64| {
-        let at = (within + BORDER * DVec2::new(x, y)).clamp(DVec2::ZERO, DVec2::ONE);
-        valid >> Tile::find(layout, [4, 4], at).0 & 1 == 1
-    };
-    valid == ALL_VALID || [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)].into_iter().any(|(x, y)| free(x, y))
 }
 
 /// Weighted mean of those corners that have light.

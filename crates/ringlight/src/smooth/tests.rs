@@ -221,15 +221,28 @@ fn a_place_has_no_light_from_behind_what_stands_on_its_element() {
 }
 
 #[test]
-fn covered_parts_of_an_element_have_no_light() {
-    let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nusemtl grey\nf 1 2 3 4\n";
-    let mut solution = solve(&read(obj), 4.0, 1.0);
+fn covered_places_and_cracks_have_no_light_though_their_element_has() {
+    // A floor of one element, and two boxes on it with a crack of 4 cm between them; all samples of the floor are open.
+    let mut obj = String::from("v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nusemtl grey\no floor\nf 1 2 3 4\n");
+    for (k, (low, high)) in [(1.6, 1.98), (2.02, 2.4)].into_iter().enumerate() {
+        let n = 4 + 8 * k;
+        for z in [0.0, 2.0] {
+            for (x, y) in [(low, 1.6), (high, 1.6), (high, 2.4), (low, 2.4)] {
+                obj += &format!("v {x} {y} {z}\n");
+            }
+        }
+        for face in [[5, 6, 7, 8], [1, 2, 6, 5], [2, 3, 7, 6], [3, 4, 8, 7], [4, 1, 5, 8]] {
+            obj += &format!("f {} {} {} {}\n", n + face[0], n + face[1], n + face[2], n + face[3]);
+        }
+    }
+    let mut solution = solve(&read(&obj), 4.0, 1.0);
     paint(&mut solution, |_, _| 5.0);
     let (element, _) = floor_at(&solution, 0.5, 0.5);
-    // The first row of samples alone is free.
     solution.mesh.valid[element as usize] = 0x000f;
     let hierarchy = crate::mesh::hierarchy(&solution.mesh);
     let surface = SurfaceLight::new(&solution, &hierarchy);
-    let rows = [0.1, 0.25, 0.3, 0.9].map(|v| surface.at(element, DVec2::new(0.4, v)));
-    assert_eq!(rows, [Some([5.0; 3]), Some([5.0; 3]), None, None]);
+    let at = |x: f64, y: f64| surface.at(element, DVec2::new(x, y) / 4.0);
+    assert_eq!([at(0.3, 0.3), at(2.0, 1.0)], [Some([5.0; 3]); 2], "in the open");
+    assert_eq!([at(1.8, 2.0), at(2.3, 1.7)], [None; 2], "under the boxes");
+    assert_eq!(at(2.0, 2.0), None, "in the crack");
 }

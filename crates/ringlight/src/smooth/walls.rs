@@ -2,7 +2,7 @@
 
 use super::field::{Part, Side, element_of};
 use super::lattice::Lattice;
-use crate::mesh::{Mesh, Tile};
+use crate::mesh::{self, Mesh, Patch, Tile};
 use crate::quantity::{Rgb, photometric};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::{Hierarchy, Ray};
@@ -87,15 +87,20 @@ impl<'a> Walls<'a> {
 
     /// Where the light of a part was found; none if it was taken from neighbours.
     fn sample_point(&self, part: &Part) -> Option<DVec3> {
-        let facet = &self.mesh.facets[part.side.facet as usize];
         let element = element_of(self.mesh, part.side, part.cell);
-        let (first_patch, first_element) = if part.side.back {
-            (facet.first_back_patch, facet.first_back_element)
-        } else {
-            (facet.first_patch, facet.first_element)
-        };
-        let patch = self.mesh.patch(first_patch + (element - first_element) / facet.elements_per_patch());
+        let patch = patch_of(self.mesh, part.side, element);
         patch.sample_point(element - patch.first_element, self.mesh.valid[element as usize])
+    }
+
+    /// Whether `place`, parameters within an element, is covered or lies in a crack while the element's light is from
+    /// outside.
+    pub fn hides(&self, side: Side, cell: u32, place: DVec2) -> bool {
+        let element = element_of(self.mesh, side, cell);
+        let patch = patch_of(self.mesh, side, element);
+        let k = element - patch.first_element;
+        let point = patch.frame.at(patch.element_tile(k).at(place));
+        let sample = patch.sample_point(k, self.mesh.valid[element as usize]);
+        sample.is_none_or(|sample| mesh::is_hidden_beside(self.mesh, self.hierarchy, &patch, point, sample))
     }
 
     fn free(&self, from: DVec3, to: DVec3, plane: u32) -> bool {
@@ -111,6 +116,17 @@ impl<'a> Walls<'a> {
         };
         self.hierarchy.nearest_hit(&ray).is_none()
     }
+}
+
+/// The patch that holds an element of a side.
+fn patch_of(mesh: &Mesh, side: Side, element: u32) -> Patch {
+    let facet = &mesh.facets[side.facet as usize];
+    let (first_patch, first_element) = if side.back {
+        (facet.first_back_patch, facet.first_back_element)
+    } else {
+        (facet.first_patch, facet.first_element)
+    };
+    mesh.patch(first_patch + (element - first_element) / facet.elements_per_patch())
 }
 
 /// The light of a corner that differs from that of the vertex it shares.
