@@ -31,7 +31,6 @@ suites! {
     cornell
     cube
     furnace
-    white_furnace
     integrating_sphere
     dense
     energy

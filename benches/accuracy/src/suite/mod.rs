@@ -31,7 +31,6 @@ pub const SUITES: &[Suite] = &[
     ("cornell", cornell::measure),
     ("cube", cube::measure),
     ("furnace", furnace::measure),
-    ("white_furnace", furnace::white),
     ("integrating_sphere", sphere::measure),
     ("dense", dense::measure),
     ("energy", energy::measure),
