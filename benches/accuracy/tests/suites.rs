@@ -30,6 +30,7 @@ suites! {
     cie171_interreflection
     cornell
     cube
+    white_furnace
     furnace
     integrating_sphere
     dense

@@ -30,6 +30,7 @@ pub const SUITES: &[Suite] = &[
     ("cie171_interreflection", cie171::interreflection),
     ("cornell", cornell::measure),
     ("cube", cube::measure),
+    ("white_furnace", furnace::white),
     ("furnace", furnace::measure),
     ("integrating_sphere", sphere::measure),
     ("dense", dense::measure),
