@@ -149,7 +149,8 @@ mod tests {
                 let density =
                     |k: usize| patch.frame.relative_density(patch.frame.layout.centre(side, k).map(f64::from).into());
                 let areas: Vec<f64> = (0..cells).map(|k| density(k) * patch.area / cells as f64).collect();
-                let sharing = Sharing { patch: &patch, valid: &valid, side, areas: &areas };
+                let sharing =
+                    Sharing { interpolation: Interpolation { patch: &patch, valid: &valid }, side, areas: &areas };
                 let power = |scale: f64| -> Vec<[f64; 3]> {
                     let light = |e: usize| if valid[e] == 0 { 0.0 } else { (scale * (e + 1) as f64).sin().abs() };
                     (0..count).map(|e| [light(e), 2.0 * light(e), 0.0]).collect()
@@ -174,7 +175,8 @@ mod tests {
             let patch = patch(&[(0., 0.), (3., 0.), (3., 2.), (0., 2.)], grid);
             let count = patch.element_count() as usize;
             let valid = vec![ALL_VALID; count];
-            let sharing = Sharing { patch: &patch, valid: &valid, side: 4, areas: &[6.0 / 16.0; 16] };
+            let interpolation = Interpolation { patch: &patch, valid: &valid };
+            let sharing = Sharing { interpolation, side: 4, areas: &[6.0 / 16.0; 16] };
             let radiosity = sharing.radiosity(&vec![[6.0 / count as f64; 3]; count]);
             assert!(radiosity.iter().flatten().all(|b| (b - 1.0).abs() < 1e-12), "{grid:?}: {radiosity:?}");
         }
