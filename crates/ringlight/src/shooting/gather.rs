@@ -150,9 +150,9 @@ fn from_patch<const N: usize, const SPREAD: bool>(
             let disc = open * shooter;
             let seen = (bits >> l & 1) as f32 * disc;
             total[l] += disc;
-            for c in 0..3 {
-                light[c][l] += seen * table.light[c][k];
-            }
+            light[0][l] += seen * table.light[0][k];
+            light[1][l] += seen * table.light[1][k];
+            light[2][l] += seen * table.light[2][k];
             if SPREAD {
                 let (du, dv) = (dx * u.x + dy * u.y + dz * u.z, dx * v.x + dy * v.y + dz * v.z);
                 let inverse = 1.0 / r2;
