@@ -135,7 +135,7 @@ pub fn ground() -> Section {
 /// Luminous flux of the lamp of case 5.8, lm.
 const FLUX: f64 = 10_000.0;
 
-/// 5.8: diffuse reflection with internal obstructions absent: a cube with a lamp in its middle.
+/// 5.8: a closed diffuse room with a lamp in its middle.
 pub fn interreflection() -> Section {
     let mut section = Section {
         title: "CIE 171:2006, case 5.8: interreflection".into(),

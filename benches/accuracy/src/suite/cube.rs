@@ -22,9 +22,9 @@ pub fn measure() -> Section {
             .into(),
         ..Section::default()
     };
-    for (name, patch, shoot, expected, bound) in [
-        ("one patch for each face", 1.0, Shoot::Average, ONE_PATCH, 1e-4),
-        ("patches of 0.25 m", 0.25, Shoot::Elements, FINE, 5e-4),
+    for (name, [patch, element], shoot, expected, bound) in [
+        ("one patch for each face", [1.0, 0.125], Shoot::Average, ONE_PATCH, 1e-4),
+        ("patches of 0.25 m", [0.25, 0.0625], Shoot::Elements, FINE, 5e-4),
     ] {
         let mut builder = Builder::default();
         let mut faces = 0;
@@ -33,7 +33,7 @@ pub fn measure() -> Section {
             faces += 1;
             b.material([0.5; 3], [f32::from(u8::from(faces == 3)); 3])
         });
-        let cube = meshed(builder.scene(true), patch, 0.0625);
+        let cube = meshed(builder.scene(true), patch, element);
         let mut world = cube.world(64);
         world.settings.shoot = shoot;
         let (state, ..) = solve(&world, 1e-6);
