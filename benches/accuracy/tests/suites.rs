@@ -24,4 +24,5 @@ suites! {
     furnace
     view_factors
     obstructed_view_factors
+    view_factor_matrices
 }

@@ -2,6 +2,7 @@
 
 mod furnace;
 mod obstructed_view_factors;
+mod view_factor_matrices;
 mod view_factors;
 
 use crate::Section;
@@ -14,4 +15,5 @@ pub const SUITES: &[Suite] = &[
     ("furnace", furnace::measure),
     ("view_factors", view_factors::measure),
     ("obstructed_view_factors", obstructed_view_factors::measure),
+    ("view_factor_matrices", view_factor_matrices::measure),
 ];
