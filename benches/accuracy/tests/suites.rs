@@ -23,6 +23,7 @@ macro_rules! suites {
 suites! {
     view_factors
     obstructed_view_factors
+    view_factor_matrices
     hemicube
     disc_sum
     cie171_area_source

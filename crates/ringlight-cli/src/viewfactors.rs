@@ -294,11 +294,9 @@ impl<'a> Run<'a> {
             written.map_err(io::Error::other)
         };
         let (begun, signals, reporter) = (Instant::now(), &self.signals, &mut self.reporter);
-        let mut goes_on = |pairs: &Pairs| {
-            reporter.pairs(pairs, begun, false);
-            signals.reason().is_none()
-        };
-        let result = view_factor::compute(faces, occluders, settings, &mut waiting, &mut rows, &mut goes_on);
+        let mut progress = |pairs: &Pairs| reporter.pairs(pairs, begun, false);
+        let stops = || signals.reason().is_some();
+        let result = view_factor::compute(faces, occluders, settings, &mut waiting, &mut rows, &mut progress, &stops);
         let place = failed.as_deref().unwrap_or(folder);
         let Some(computed) = result.with_context(|| cannot_write(place))? else { return Ok(None) };
         self.reporter.pairs(&computed.pairs, begun, true);

@@ -12,6 +12,7 @@ mod hemicube;
 mod obstructed_view_factors;
 mod path_tracing;
 mod sphere;
+mod view_factor_matrices;
 mod view_factors;
 
 use crate::Section;
@@ -23,6 +24,7 @@ pub type Suite = (&'static str, fn() -> Section);
 pub const SUITES: &[Suite] = &[
     ("view_factors", view_factors::measure),
     ("obstructed_view_factors", obstructed_view_factors::measure),
+    ("view_factor_matrices", view_factor_matrices::measure),
     ("hemicube", hemicube::measure),
     ("disc_sum", disc_sum::measure),
     ("cie171_area_source", cie171::area_source),

@@ -70,25 +70,28 @@ pub struct Computed {
 /// Numbers held at once, about; bounds memory and changes nothing else.
 const HELD: usize = 1 << 21;
 
+/// Rows of polygons between two signs of life. Within a row pairs are shared out to the threads, too.
+const BATCH: usize = 16;
+
 /// Most rows that give a pair to the sample.
 const SAMPLED_ROWS: usize = 64;
 
 /// Computes all factors and hands over the rows in order.
 ///
-/// Rows are blocked, so that memory stays bounded; what later blocks need waits in `storage`. `goes_on` is called now and
-/// then; when it says no, the result is none. The numbers do not depend on the number of threads or on the blocks.
+/// Rows are blocked, so that memory stays bounded; what later blocks need waits in `storage`. `progress` is called now and
+/// then, `stops` before every pair; when that says yes, the result is none. The numbers do not depend on the number of threads or on the blocks.
 pub fn compute(
     faces: &Faces,
     occluders: &Occluders,
     settings: &MatrixSettings,
     storage: &mut dyn Storage,
     rows: &mut dyn FnMut(Row<'_>) -> io::Result<()>,
-    goes_on: &mut dyn FnMut(&Pairs) -> bool,
+    progress: &mut dyn FnMut(&Pairs),
+    stops: &(dyn Fn() -> bool + Sync),
 ) -> io::Result<Option<Computed>> {
-    let matrix = Matrix::new(faces, occluders, settings);
+    let matrix = Matrix::new(faces, occluders, settings, stops);
     let (groups, polygons) = (faces.groups.len(), faces.polygons.len());
     let in_block = (HELD / groups.max(1)).clamp(1, groups.max(1));
-    let in_batch = (HELD / groups.max(1)).clamp(16, 1024);
     let mut spill = Spill::new(storage, groups.div_ceil(in_block));
     let mut computed = Computed::default();
     computed.pairs.total = (polygons as u64 * polygons.saturating_sub(1) as u64) / 2;
@@ -100,12 +103,13 @@ pub fn compute(
         spill.take(block, |row, entry| entries[row as usize - first].push(entry))?;
         let mut later: Vec<Vec<(u32, Entry)>> = vec![Vec::new(); groups.div_ceil(in_block)];
         for number in block_groups {
-            for start in faces.groups[number].polygons.clone().step_by(in_batch) {
-                let end = (start + in_batch).min(faces.groups[number].polygons.end);
-                if !goes_on(&computed.pairs) {
+            for start in faces.groups[number].polygons.clone().step_by(BATCH) {
+                let end = (start + BATCH).min(faces.groups[number].polygons.end);
+                progress(&computed.pairs);
+                let parts: Vec<PolygonRow> = (start..end).into_par_iter().map(|p| matrix.polygon_row(p)).collect();
+                if stops() {
                     return Ok(None);
                 }
-                let parts: Vec<PolygonRow> = (start..end).into_par_iter().map(|p| matrix.polygon_row(p)).collect();
                 for part in parts {
                     computed.pairs.add(&part.pairs);
                     computed.sample.extend(part.sample);
@@ -149,6 +153,7 @@ struct Matrix<'a> {
     faces: &'a Faces,
     occluders: &'a Occluders,
     settings: &'a MatrixSettings,
+    stops: &'a (dyn Fn() -> bool + Sync),
     stances: Vec<Stance>,
     screens: Screens,
     /// Group of each polygon.
@@ -165,12 +170,18 @@ struct PolygonRow {
 }
 
 impl<'a> Matrix<'a> {
-    fn new(faces: &'a Faces, occluders: &'a Occluders, settings: &'a MatrixSettings) -> Matrix<'a> {
+    fn new(
+        faces: &'a Faces,
+        occluders: &'a Occluders,
+        settings: &'a MatrixSettings,
+        stops: &'a (dyn Fn() -> bool + Sync),
+    ) -> Matrix<'a> {
         let numbered = faces.groups.iter().enumerate();
         Matrix {
             faces,
             occluders,
             settings,
+            stops,
             stances: faces.polygons.iter().map(Stance::of).collect(),
             screens: Screens::new(occluders),
             group_of: numbered.flat_map(|(number, group)| group.polygons.clone().map(move |_| number as u32)).collect(),
@@ -196,6 +207,9 @@ impl<'a> Matrix<'a> {
             }
         }
         let one = |work: &mut Work, &q: &usize| {
+            if (self.stops)() {
+                return (q, Exchange::default());
+            }
             let exchange = exchange(&polygons[p], &polygons[q], Some(self.occluders), &self.settings.tolerance, work);
             (q, exchange)
         };
