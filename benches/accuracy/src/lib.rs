@@ -4,10 +4,13 @@
 //! each with the bound that it is held to. The tests assert every row of every suite; `cargo xtask accuracy` writes them
 //! as `docs/accuracy.md`.
 
+pub mod method;
+pub mod oracle;
 pub mod page;
 pub mod plot;
 pub mod scene;
 pub mod suite;
+pub mod view_factor;
 
 /// What one suite measured: a section of the page.
 #[derive(Clone, Debug, Default)]

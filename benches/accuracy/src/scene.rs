@@ -1,13 +1,16 @@
 //! Scenes from OBJ text, solved in memory.
 
-use ringlight::mesh::{self, Mesh, MeshOptions};
+use ringlight::mesh::{self, Mesh, MeshOptions, Patch};
+use ringlight::probe::{self, GatherOptions, Point, Reading, Status, SurfaceOptions};
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene};
-use ringlight::shooting::Shoot;
+use ringlight::shooting::{ElementLight, Shoot};
+use ringlight::solution::{Description, Solution};
 use ringlight::solve::{self, Control, Progress, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 /// A single MTL file.
 pub struct Material(pub String);
@@ -96,6 +99,22 @@ impl Builder {
     }
 }
 
+/// Our own scene of this name in `scenes/`.
+pub fn own(file: &str) -> Scene {
+    let folder = Folder(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes"));
+    let bytes = folder.read(file).unwrap();
+    scene::read(file, bytes, &folder, &ReadOptions::default()).unwrap()
+}
+
+/// The files of a folder.
+struct Folder(PathBuf);
+
+impl Resources for Folder {
+    fn read(&self, path: &str) -> std::io::Result<Bytes> {
+        std::fs::read(self.0.join(path)).map(Bytes::new)
+    }
+}
+
 /// A meshed scene.
 pub struct Meshed {
     /// As read.
@@ -120,6 +139,61 @@ impl Meshed {
     pub fn world(&self, cells: u32) -> World<'_> {
         let settings = SolveSettings { cells, shoot: Shoot::Elements, sky: None };
         World::new(&self.mesh, &self.hierarchy, &self.scene.lights, settings)
+    }
+
+    /// All elements that are not wholly covered: their patch, number, lit area in m², and light.
+    pub fn elements<'a>(&'a self, state: &'a State) -> impl Iterator<Item = (Patch, u32, f64, &'a ElementLight)> {
+        self.mesh.clusters.iter().zip(&state.clusters).flat_map(move |(cluster, light)| {
+            cluster.patches.clone().map(|id| self.mesh.patch(id)).flat_map(move |patch| {
+                let lit = patch.elements().filter(|&e| self.mesh.valid[e as usize] != 0);
+                lit.map(move |e| {
+                    let area = patch.element_area(e - patch.first_element) * self.mesh.valid_share(e);
+                    (patch, e, area, &light.elements[(e - cluster.elements.start) as usize])
+                })
+            })
+        })
+    }
+
+    /// Mean irradiance over the elements of the patches that `wanted` takes.
+    pub fn mean_irradiance(&self, state: &State, wanted: impl Fn(&Patch) -> bool) -> [f64; 3] {
+        let (mut sum, mut total) = ([0.0; 3], 0.0);
+        for (_, _, area, light) in self.elements(state).filter(|(patch, ..)| wanted(patch)) {
+            (0..3).for_each(|c| sum[c] += area * f64::from(light.mean()[c]));
+            total += area;
+        }
+        sum.map(|x| x / total)
+    }
+
+    /// What is probed: the light of this scene.
+    pub fn solution(&self, world: &World<'_>, state: State) -> Solution {
+        let energy = state.energy(world);
+        let description = Description::new(&self.scene);
+        let mesh = self.mesh.clone();
+        Solution { description, mesh, settings: world.settings, state, energy, images: Vec::new() }
+    }
+
+    /// Irradiance gathered at points (position, normal); not a number where there is none to tell of.
+    pub fn gathered(&self, solution: &Solution, points: &[Place]) -> Vec<[f64; 3]> {
+        let points: Vec<Point> = points.iter().map(|&(position, normal)| Point { position, normal }).collect();
+        let found = probe::gather(solution, &self.hierarchy, &points, &GatherOptions::default());
+        found.into_iter().map(irradiance).collect()
+    }
+
+    /// Stored irradiance at points (position, normal) as it is displayed; not a number where there is none to tell of.
+    pub fn displayed(&self, solution: &Solution, points: &[Place]) -> Vec<[f64; 3]> {
+        let points: Vec<Point> = points.iter().map(|&(position, normal)| Point { position, normal }).collect();
+        let found = probe::surface(solution, &self.hierarchy, &points, &SurfaceOptions::default());
+        found.into_iter().map(irradiance).collect()
+    }
+}
+
+/// A point and the normal of the side that receives.
+pub type Place = ([f64; 3], [f64; 3]);
+
+fn irradiance(reading: Reading) -> [f64; 3] {
+    match reading.status {
+        Status::Ok => reading.irradiance.map(f64::from),
+        _ => [f64::NAN; 3],
     }
 }
 

@@ -21,5 +21,21 @@ macro_rules! suites {
 }
 
 suites! {
+    view_factors
+    obstructed_view_factors
+    view_factor_matrices
+    hemicube
+    disc_sum
+    cie171_area_source
+    cie171_ground
+    cie171_interreflection
+    cornell
+    cube
+    white_furnace
     furnace
+    integrating_sphere
+    dense
+    energy
+    convergence
+    path_tracing
 }

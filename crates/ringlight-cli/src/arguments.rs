@@ -1,8 +1,13 @@
 //! The command line: a contract that scripts rely on.
 
+mod choices;
+
+pub use choices::*;
+
 use crate::outputs::Output;
-use crate::values::{self, CheckpointChoice, ExposureChoice, PictureSize};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use crate::values::{self, CheckpointChoice, ExposureChoice, Matrix, PictureSize};
+use clap::{Args, Parser, Subcommand};
+use ringlight::probe::GridRequest;
 use std::path::PathBuf;
 
 /// Bakes light into 3D scenes: glTF or OBJ in; a lit model, pictures, lux values out.
@@ -38,9 +43,15 @@ pub enum Verb {
     /// Draw a picture of a solution from any camera
     #[command(after_help = RENDER_EXAMPLES)]
     Render(Export),
+    /// Tell the irradiance at points or on a calculation grid of a solution
+    #[command(after_help = PROBE_EXAMPLES)]
+    Probe(Box<Probe>),
     /// Tell what is in a scene, what will be ignored, and how big the solve will be
     #[command(after_help = INSPECT_EXAMPLES)]
     Inspect(Inspect),
+    /// Area-averaged form factors between the objects or faces of a scene, obstructed
+    #[command(name = "viewfactors", after_help = VIEW_FACTOR_EXAMPLES)]
+    ViewFactors(ViewFactors),
     /// Print the completion script of a shell
     #[command(after_help = COMPLETIONS_EXAMPLES)]
     Completions {
@@ -71,10 +82,33 @@ Examples:
   ringlight render office.ringlight -o desk.png --camera desk
   ringlight render office.ringlight -o lux.png --false-colour lux --camera '3,1.6,4;0,1,0;60' --size 1920x1080";
 
+const PROBE_EXAMPLES: &str = "\
+Points are a CSV file with a header and the columns x,y,z (world coordinates in metres, also where the scene was an OBJ file
+in another unit) and nx,ny,nz (a normal of any length), in any order; other columns are ignored. Out comes CSV with
+x,y,z,nx,ny,nz,e_r,e_g,e_b,e,status. The status is ok; inside (in solid geometry, or behind surfaces); or, with --how surface,
+far. Without ok the columns e_* are empty.
+
+Examples:
+  ringlight probe office.ringlight --points desks.csv -o lux.csv
+  ringlight probe office.ringlight --grid floor@0.25 --height 0.75 -o plane.png -o plane.csv
+  ringlight probe office.ringlight --grid '0.5,0.75,0.5;5.5,0.75,3.5@0.25'
+  ringlight probe office.ringlight --points centres.csv -o shown.csv --how surface";
+
 const INSPECT_EXAMPLES: &str = "\
 Examples:
   ringlight inspect office.glb
   ringlight inspect office.glb --quality high --json";
+
+const VIEW_FACTOR_EXAMPLES: &str = "\
+Faces see from their front, from which their corners run counter-clockwise; all faces block from both sides.
+
+Examples:
+  ringlight viewfactors room.obj -o F.csv                             a row for each object
+  ringlight viewfactors room.obj -o F.csv --per face --errors E.csv   a row for each face, and error estimates
+  ringlight viewfactors city.obj -o F.csv --per face --min 1e-5       only factors from 0.00001, a line each
+  ringlight viewfactors room.glb -o F.npy --sides both --report F.json
+
+Exit codes: 0 done, 1 error, 2 usage, 3 bad scene, 130 interrupted and 143 terminated, both without output.";
 
 const COMPLETIONS_EXAMPLES: &str = "\
 Examples:
@@ -137,6 +171,48 @@ pub struct Export {
     pub quiet: bool,
 }
 
+/// `probe`.
+#[derive(Debug, Args)]
+pub struct Probe {
+    /// Solution (.ringlight)
+    pub solution: PathBuf,
+    /// Points with normals, CSV
+    #[arg(long, value_name = "CSV", required_unless_present = "grid", conflicts_with = "grid")]
+    pub points: Option<PathBuf>,
+    /// Grid of points: the top of an object (or the front of a flat one), a rectangle by two opposite corners, or a
+    /// parallelogram by a corner and the two beside it; @ the largest distance between points, metres. A rectangle that
+    /// lies looks up; three corners look to where they run counter-clockwise
+    #[arg(long, value_name = "OBJECT|x,y,z;x,y,z[;x,y,z]@M", allow_hyphen_values = true)]
+    pub grid: Option<GridRequest>,
+    /// Height of the grid over its area, metres, along the normal
+    #[arg(long, value_name = "M", default_value = "0", value_parser = values::number, allow_hyphen_values = true)]
+    pub height: f64,
+    /// Output: .csv rows of points, .png false-colour picture of a grid; may be repeated
+    #[arg(short, long = "output", value_name = "OUT", required_unless_present = "grid", value_parser = values::output)]
+    pub output: Vec<Output>,
+    /// Overwrite files that are there
+    #[arg(long)]
+    pub force: bool,
+    /// Gather light at the point, or read what the nearest surface shows
+    #[arg(long, value_enum, default_value = "gather")]
+    pub how: HowChoice,
+    /// Gather: most cells of a patch, or of each part of one
+    #[arg(long, value_name = "1|4|16|64", default_value = "64", value_parser = values::cells)]
+    pub cells: u32,
+    /// Gather: share of a point's light by which a patch may be off before it is cut into parts
+    #[arg(long, value_name = "SHARE", default_value = "2e-5", value_parser = values::positive)]
+    pub tolerance: f64,
+    /// Surface: how far the surface may be, metres; the size of elements by default
+    #[arg(long, value_name = "M", value_parser = values::positive)]
+    pub reach: Option<f64>,
+    /// Threads; all cores by default. The result does not depend on it
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
 /// `inspect`.
 #[derive(Debug, Args)]
 pub struct Inspect {
@@ -158,6 +234,50 @@ pub struct Inspect {
     /// As JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// `viewfactors`.
+#[derive(Debug, Args)]
+pub struct ViewFactors {
+    /// Scene: .glb, .gltf or .obj
+    pub scene: PathBuf,
+    /// Matrix, by ending: .csv table, .npy NumPy array; may be repeated
+    #[arg(short, long = "output", value_name = "OUT", required = true, value_parser = values::matrix)]
+    pub output: Vec<Matrix>,
+    /// Estimated errors of the factors, in the same form: .csv or .npy
+    #[arg(long, value_name = "FILE", value_parser = values::matrix)]
+    pub errors: Option<Matrix>,
+    /// What has a row: objects by name, or every face of the file
+    #[arg(long, value_enum, default_value = "object")]
+    pub per: PerChoice,
+    /// Which sides of faces see and are seen
+    #[arg(long, value_enum, default_value = "front")]
+    pub sides: SidesChoice,
+    /// Estimated error that partly hidden faces may have, as a share of F; a factor between two polygons may always be off
+    /// by 0.005 times this
+    #[arg(long, value_name = "SHARE", default_value = "0.001", value_parser = values::tolerance)]
+    pub tolerance: f64,
+    /// Write only factors of at least F, a line each: from,to,area,factor,error
+    #[arg(long, value_name = "F", value_parser = values::least)]
+    pub min: Option<f64>,
+    /// Unit of an OBJ file's lengths; metres by default
+    #[arg(long, value_enum)]
+    pub unit: Option<UnitChoice>,
+    /// Threads; all cores by default. The result does not depend on it
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub threads: Option<usize>,
+    /// Write an audit as JSON: counts, row sums, reciprocity, estimates
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Progress on standard error; auto: a bar on terminals, else plain lines
+    #[arg(long, value_enum, default_value = "auto")]
+    pub progress: ProgressChoice,
+    /// Say nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Overwrite files that are there
+    #[arg(long)]
+    pub force: bool,
 }
 
 /// Where results go.
@@ -263,73 +383,4 @@ pub struct RunArguments {
     /// Say nothing but errors
     #[arg(long, short, conflicts_with = "verbose")]
     pub quiet: bool,
-}
-
-/// Presets.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum QualityChoice {
-    /// About 6 thousand elements, 4 cells
-    Draft,
-    /// About 25 thousand elements, 16 cells
-    Normal,
-    /// About 100 thousand elements, 64 cells
-    High,
-}
-
-/// Units of length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum UnitChoice {
-    /// Millimetres
-    Mm,
-    /// Centimetres
-    Cm,
-    /// Metres
-    M,
-    /// Inches
-    In,
-}
-
-/// Methods.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum SolverChoice {
-    /// Plain progressive refinement
-    Plain,
-}
-
-/// What a patch shoots.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ShootChoice {
-    /// Each cell the light of the elements under it
-    Elements,
-    /// The average everywhere
-    Average,
-}
-
-/// Tone mappings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ToneChoice {
-    /// Filmic
-    Filmic,
-    /// None: clipped at 1
-    None,
-}
-
-/// Quantities that false colour shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FalseColourChoice {
-    /// Illuminance
-    Lux,
-}
-
-/// Ways to show progress.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ProgressChoice {
-    /// A bar on terminals, else plain lines
-    Auto,
-    /// A line every few seconds
-    Plain,
-    /// One JSON object a line
-    Json,
-    /// Nothing
-    None,
 }

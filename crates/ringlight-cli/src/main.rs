@@ -11,11 +11,13 @@ mod inspect;
 mod machine;
 mod map;
 mod outputs;
+mod probe;
 mod progress;
 mod resume;
 mod run;
 mod signals;
 mod values;
+mod viewfactors;
 
 use arguments::{Arguments, Verb};
 use clap::{CommandFactory, Parser};
@@ -50,7 +52,9 @@ fn act(verb: &Verb) -> Result<End, Failure> {
         Verb::Bake(bake) => bake.running.threads,
         Verb::Resume(resume) => resume.running.threads,
         Verb::Export(export) | Verb::Render(export) => export.threads,
+        Verb::Probe(probe) => probe.threads,
         Verb::Inspect(inspect) => inspect.threads,
+        Verb::ViewFactors(factors) => factors.threads,
         Verb::Completions { .. } => None,
     };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global();
@@ -60,7 +64,9 @@ fn act(verb: &Verb) -> Result<End, Failure> {
         Verb::Resume(resume) => resume::resume(resume),
         Verb::Export(export) => export::export(export),
         Verb::Render(export) => export::render(export),
+        Verb::Probe(probe) => probe::probe(probe),
         Verb::Inspect(inspect) => inspect::inspect(inspect),
+        Verb::ViewFactors(factors) => viewfactors::viewfactors(factors),
         Verb::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Arguments::command(), "ringlight", &mut script);

@@ -122,6 +122,30 @@ pub fn check(targets: &Targets, others: &Others<'_>) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Whether files can be written beside each other: none twice, not the scene, nothing overwritten without `force`, folders
+/// that take files.
+pub fn check_files(files: &[&Path], scene: &Path, force: bool) -> Result<(), Failure> {
+    let mut seen = BTreeSet::new();
+    for file in files {
+        if !seen.insert(identity(file)) {
+            return Err(Failure::Usage(format!("{} would be written twice", file.display())));
+        }
+        if identity(file) == identity(scene) {
+            return Err(Failure::Usage(format!("{} is the scene; it would be overwritten", file.display())));
+        }
+    }
+    files.iter().try_for_each(|file| files::check_target(file, force))?;
+    Ok(())
+}
+
+/// Whether none of the files is one that the scene was `read` from.
+pub fn check_unread(files: &[&Path], read: &[PathBuf]) -> Result<(), Failure> {
+    match files.iter().find(|file| read.contains(&identity(file))) {
+        Some(file) => Err(Failure::Usage(format!("{} belongs to the scene; it would be overwritten", file.display()))),
+        None => Ok(()),
+    }
+}
+
 /// Whether no output overwrites a file that the scene was `read` from.
 pub fn check_inputs(targets: &Targets, others: &Others<'_>, read: &[PathBuf]) -> Result<(), Failure> {
     let outputs = targets.output.iter().flat_map(Output::files);
@@ -133,7 +157,7 @@ pub fn check_inputs(targets: &Targets, others: &Others<'_>, read: &[PathBuf]) ->
 }
 
 /// What makes two paths the same file, as far as can be told before it exists.
-fn identity(path: &Path) -> PathBuf {
+pub fn identity(path: &Path) -> PathBuf {
     let folder = files::folder_of(path);
     folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default())
 }

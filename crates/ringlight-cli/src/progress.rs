@@ -3,6 +3,7 @@
 use crate::arguments::{ProgressChoice, StopArguments};
 use indicatif::{ProgressBar, ProgressStyle};
 use ringlight::solve::Progress;
+use ringlight::view_factor::Pairs;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
@@ -50,7 +51,7 @@ pub struct Reporter {
     start: Instant,
     stage: Option<Stage>,
     last: Instant,
-    latest: Progress,
+    latest: Counted,
     pace: Pace,
 }
 
@@ -58,12 +59,25 @@ pub struct Reporter {
 #[derive(Serialize)]
 struct Line {
     stage: Option<Stage>,
-    shots: u64,
-    unshot_share: f64,
-    rays: u64,
-    rays_per_second: f64,
+    #[serde(flatten)]
+    counted: Counted,
     seconds: f64,
     time_left: Option<f64>,
+}
+
+/// What has been done.
+#[derive(Clone, Copy, Serialize)]
+#[serde(untagged)]
+enum Counted {
+    Shots { shots: u64, unshot_share: f64, rays: u64, rays_per_second: f64 },
+    Pairs { pairs: u64, pairs_total: u64, pairs_per_second: f64 },
+}
+
+impl Counted {
+    fn shots(progress: &Progress, rays_per_second: f64) -> Counted {
+        let Progress { shots, unshot_share, rays, .. } = *progress;
+        Counted::Shots { shots, unshot_share, rays, rays_per_second }
+    }
 }
 
 impl Reporter {
@@ -77,7 +91,14 @@ impl Reporter {
             ProgressChoice::Auto if std::io::stderr().is_terminal() => Style::Bar(bar()),
             ProgressChoice::Auto => Style::Plain,
         };
-        Reporter { style, verbose, start, stage: None, last: start, latest: Progress::default(), pace: Pace::default() }
+        let latest = Counted::shots(&Progress::default(), 0.0);
+        Reporter { style, verbose, start, stage: None, last: start, latest, pace: Pace::default() }
+    }
+
+    /// For a command that counts pairs instead of shots.
+    pub fn counting_pairs(mut self) -> Reporter {
+        self.latest = Counted::Pairs { pairs: 0, pairs_total: 0, pairs_per_second: 0.0 };
+        self
     }
 
     /// Says what begins.
@@ -92,20 +113,15 @@ impl Reporter {
                 bar.tick();
             }
             Style::Plain if self.verbose => self.say(&format!("{}…", stage.name())),
-            Style::Json => self.line(&self.latest, 0.0, None),
+            Style::Json => self.line(self.latest, None),
             Style::Plain | Style::Silent => {}
         }
     }
 
     /// Tells of a shot; shown now and then, and when `end` says that it was the last one.
     pub fn shot(&mut self, progress: &Progress, stop: &StopArguments, end: bool) {
-        let interval = match self.style {
-            Style::Bar(_) => Duration::from_millis(100),
-            Style::Plain => Duration::from_secs(5),
-            Style::Json => Duration::from_millis(500),
-            Style::Silent => return,
-        };
-        self.latest = *progress;
+        let Some(interval) = self.interval() else { return };
+        self.latest = Counted::shots(progress, 0.0);
         let now = Instant::now();
         self.pace.note(now, progress);
         if !end && now - self.last < interval {
@@ -120,8 +136,44 @@ impl Reporter {
                 bar.set_message(sentence(progress, rate, left));
             }
             Style::Plain => self.say(&format!("solve: {}", sentence(progress, rate, left))),
-            Style::Json => self.line(progress, rate, left),
+            Style::Json => self.line(Counted::shots(progress, rate), left),
             Style::Silent => {}
+        }
+    }
+
+    /// Tells of pairs of polygons; shown now and then, and when `end` says that they are all done.
+    pub fn pairs(&mut self, pairs: &Pairs, begun: Instant, end: bool) {
+        let Some(interval) = self.interval() else { return };
+        let now = Instant::now();
+        let rate = pairs.done as f64 / (now - begun).as_secs_f64().max(1e-3);
+        self.latest = Counted::Pairs { pairs: pairs.done, pairs_total: pairs.total, pairs_per_second: rate };
+        if now - self.last < interval && !end {
+            return;
+        }
+        self.last = now;
+        let share = pairs.done as f64 / pairs.total.max(1) as f64;
+        let left = (pairs.done > 0 && !end).then(|| (pairs.total - pairs.done) as f64 / rate);
+        let in_words = left.map_or(String::new(), |left| format!(", about {} left", duration(left)));
+        let (percent, total) = (100.0 * share, pairs.total as f64);
+        let sentence = format!("{percent:.1} % of {total:.3e} pairs, {:.2} M pairs/s{in_words}", rate / 1e6);
+        match &self.style {
+            Style::Bar(bar) => {
+                bar.set_position((1000.0 * share) as u64);
+                bar.set_message(sentence);
+            }
+            Style::Plain => self.say(&format!("solve: {sentence}")),
+            Style::Json => self.line(self.latest, left),
+            Style::Silent => {}
+        }
+    }
+
+    /// How long to wait between two signs of life.
+    fn interval(&self) -> Option<Duration> {
+        match self.style {
+            Style::Bar(_) => Some(Duration::from_millis(100)),
+            Style::Plain => Some(Duration::from_secs(5)),
+            Style::Json => Some(Duration::from_millis(500)),
+            Style::Silent => None,
         }
     }
 
@@ -137,16 +189,8 @@ impl Reporter {
         }
     }
 
-    fn line(&self, progress: &Progress, rays_per_second: f64, time_left: Option<f64>) {
-        let line = Line {
-            stage: self.stage,
-            shots: progress.shots,
-            unshot_share: progress.unshot_share,
-            rays: progress.rays,
-            rays_per_second,
-            seconds: self.start.elapsed().as_secs_f64(),
-            time_left,
-        };
+    fn line(&self, counted: Counted, time_left: Option<f64>) {
+        let line = Line { stage: self.stage, counted, seconds: self.start.elapsed().as_secs_f64(), time_left };
         self.say(&serde_json::to_string(&line).unwrap_or_default());
     }
 }

@@ -31,7 +31,17 @@ pub struct CheckpointChoice {
     pub seconds: f64,
 }
 
-fn number(text: &str) -> Result<f64, String> {
+/// A matrix asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Matrix {
+    /// Where.
+    pub path: PathBuf,
+    /// Whether as NumPy array instead of CSV.
+    pub numpy: bool,
+}
+
+/// A finite number.
+pub fn number(text: &str) -> Result<f64, String> {
     let number = f64::from_str(text.trim()).map_err(|_| format!("'{text}' is not a number"))?;
     if number.is_finite() { Ok(number) } else { Err(format!("'{text}' is not a finite number")) }
 }
@@ -52,6 +62,29 @@ pub fn positive(text: &str) -> Result<f64, String> {
 pub fn share(text: &str) -> Result<f64, String> {
     let number = number(text)?;
     if (0.0..=1.0).contains(&number) { Ok(number) } else { Err(format!("{text} is not between 0 and 1")) }
+}
+
+/// A relative tolerance: from 10⁻⁹ to 1.
+pub fn tolerance(text: &str) -> Result<f64, String> {
+    let number = number(text)?;
+    if (1e-9..=1.0).contains(&number) { Ok(number) } else { Err(format!("{text} is not between 1e-9 and 1")) }
+}
+
+/// The least factor: above 0, at most 1.
+pub fn least(text: &str) -> Result<f64, String> {
+    let number = positive(text)?;
+    if number <= 1.0 { Ok(number) } else { Err(format!("{text} is above 1, as no factor is")) }
+}
+
+/// A path whose ending says how to write a matrix.
+pub fn matrix(text: &str) -> Result<Matrix, String> {
+    let path = PathBuf::from(text);
+    let ending = path.extension().and_then(|ending| ending.to_str()).map(str::to_ascii_lowercase);
+    match ending.as_deref() {
+        Some("csv") => Ok(Matrix { path, numpy: false }),
+        Some("npy") => Ok(Matrix { path, numpy: true }),
+        _ => Err("its ending says no known kind of matrix; known are .csv and .npy".into()),
+    }
 }
 
 /// Threads: 1 to 4096.
@@ -157,6 +190,14 @@ mod tests {
         assert!(share("1.01").is_err() && share("0").is_ok());
         assert!(cells("32").is_err() && cells("64").is_ok());
         assert!(size("0x10").is_err() && size("10").is_err() && size("99999x1").is_err());
+    }
+
+    #[test]
+    fn matrices_are_known_by_their_ending() {
+        assert!(!matrix("a.b/F.CSV").unwrap().numpy && matrix("F.npy").unwrap().numpy);
+        assert!(matrix("F").is_err() && matrix("F.glb").is_err() && matrix("csv").is_err());
+        assert!(least("1e-5").is_ok() && least("0").is_err() && least("2").is_err());
+        assert!(tolerance("0").is_err() && tolerance("nan").is_err() && tolerance("0.01").is_ok());
     }
 
     #[test]

@@ -23,12 +23,14 @@ pub mod reference;
 mod region;
 mod shadow;
 mod shaft;
+mod shaft_region;
 mod shooter;
 mod triangle;
 
 pub use hierarchy::{Hierarchy, Hit, Ray, Tally};
 pub use instruction_set::InstructionSet;
-pub use region::Region;
+pub use region::HalfSpace;
+pub use shaft_region::Region;
 pub use shooter::{Cells, Grid, Layout, Shooter};
 pub use triangle::{Bitmap, Filter, Triangle};
 

@@ -8,7 +8,7 @@ use predicates::str::contains;
 fn help_shows_examples_and_exit_codes() {
     let workshop = Workshop::new();
     workshop.ringlight("--help").assert().success().stdout(contains("Exit codes").and(contains("Examples:")));
-    for verb in ["bake", "resume", "export", "render", "inspect", "completions"] {
+    for verb in ["bake", "resume", "export", "render", "inspect", "probe", "viewfactors", "completions"] {
         workshop.ringlight(verb).arg("--help").assert().success().stdout(contains("Examples:"));
     }
     workshop.ringlight("--version").assert().success().stdout(contains("ringlight"));

@@ -3,5 +3,7 @@
 mod contract;
 mod damage;
 mod interruption;
+mod probe;
 mod sameness;
+mod viewfactors;
 mod workshop;

@@ -162,6 +162,6 @@ fn find_planes(mesh: &mut Mesh, diagonal: f64) {
     let mut planes = Planes::new(diagonal, reach);
     for f in order {
         let facet = &mut mesh.facets[f as usize];
-        facet.plane = planes.id(&facet.corners, areas[f as usize]);
+        facet.plane = planes.id(&facet.corners.map(|c| c.as_dvec3()), areas[f as usize]);
     }
 }

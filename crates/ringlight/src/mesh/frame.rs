@@ -123,6 +123,15 @@ impl Frame {
         }
     }
 
+    /// How much each corner counts at parameters `at`: bilinear in quadrilaterals, linear in triangles (whose fourth is 0).
+    pub fn corner_weights(layout: Layout, at: DVec2) -> [f64; 4] {
+        let (u, v) = (at.x.clamp(0.0, 1.0), at.y.clamp(0.0, 1.0));
+        match layout {
+            Layout::Quad => [(1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v],
+            Layout::Triangle => [(1.0 - u - v).max(0.0), u, v, 0.0],
+        }
+    }
+
     /// The parameters of the corners, in order.
     pub fn corner_parameters(layout: Layout) -> &'static [DVec2] {
         const QUAD: [DVec2; 4] = [DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];

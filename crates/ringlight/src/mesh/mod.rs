@@ -19,9 +19,9 @@ pub use build::{MeshOptions, build};
 pub use colour::Colour;
 pub use frame::{Frame, Tile};
 pub use occluders::{CLEAR_COVERAGE, OPAQUE_COVERAGE, Occluder, hierarchy};
-pub use plane::RELATIVE_TOLERANCE;
+pub use plane::{Planes, RELATIVE_TOLERANCE};
 pub use size::{Quality, Sizes};
-pub use validity::{find_valid_samples, is_covered};
+pub use validity::{find_valid_samples, is_covered, is_hidden_beside, sample_parameters};
 
 use crate::scene::Warnings;
 use bytemuck::{Pod, Zeroable};

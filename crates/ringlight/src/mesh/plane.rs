@@ -1,6 +1,6 @@
 //! Plane ids: coplanar facets share one, so that surfaces in a receiver's or shooter's own plane never shadow it.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use std::collections::HashMap;
 
 /// Facets whose corners lie within this share of the scene's diagonal of a plane belong to it.
@@ -10,6 +10,7 @@ pub const RELATIVE_TOLERANCE: f64 = 2e-6;
 const ANGLE: f64 = 1e-3;
 
 /// Gives plane ids.
+#[derive(Debug)]
 pub struct Planes {
     tolerance: f64,
     /// Cell size of offsets: as far as a plane turned by [`ANGLE`] can move at the scene's rim.
@@ -22,7 +23,7 @@ pub struct Planes {
 const NORMAL_CELL: f64 = 0.05;
 
 impl Planes {
-    /// For a scene of this diagonal, in mesh coordinates (near the origin).
+    /// For a scene of this diagonal whose corners, given near the origin, lie within `reach` of it; metres.
     pub fn new(diagonal: f64, reach: f64) -> Planes {
         let tolerance = RELATIVE_TOLERANCE * diagonal;
         Planes {
@@ -34,14 +35,14 @@ impl Planes {
     }
 
     /// The id of the plane of a polygon; a new one if none fits. Ask for large facets first: they define planes best.
-    pub fn id(&mut self, corners: &[Vec3], area_vector: DVec3) -> u32 {
+    pub fn id(&mut self, corners: &[DVec3], area_vector: DVec3) -> u32 {
         let mut normal = area_vector.normalize();
         // One sign for both orientations.
         let leading = normal.to_array().into_iter().fold(0.0f64, |a, x| if x.abs() > a.abs() + 1e-6 { x } else { a });
         if leading < 0.0 {
             normal = -normal;
         }
-        let centre = corners.iter().map(|c| c.as_dvec3()).sum::<DVec3>() / corners.len() as f64;
+        let centre = corners.iter().sum::<DVec3>() / corners.len() as f64;
         let offset = normal.dot(centre);
         let range =
             |x: f64, slack: f64, cell: f64| ((x - slack) / cell).floor() as i64..=((x + slack) / cell).floor() as i64;
@@ -73,9 +74,9 @@ impl Planes {
         id
     }
 
-    fn fits(&self, id: u32, corners: &[Vec3], normal: DVec3) -> bool {
+    fn fits(&self, id: u32, corners: &[DVec3], normal: DVec3) -> bool {
         let (n, d) = self.planes[id as usize];
-        (n - normal).length() <= ANGLE && corners.iter().all(|c| (n.dot(c.as_dvec3()) - d).abs() <= self.tolerance)
+        (n - normal).length() <= ANGLE && corners.iter().all(|c| (n.dot(*c) - d).abs() <= self.tolerance)
     }
 }
 
@@ -86,13 +87,13 @@ mod tests {
     #[test]
     fn coplanar_facets_share_an_id_whatever_their_orientation() {
         let mut planes = Planes::new(10.0, 10.0);
-        let square = [(0., 0.), (1., 0.), (1., 1.), (0., 1.)].map(|(x, y)| Vec3::new(x, 2.0, y));
-        let far = square.map(|p| p + Vec3::new(7.0, 0.0, 3.0));
-        let above = square.map(|p| p + Vec3::new(0.0, 1e-3, 0.0));
+        let square = [(0., 0.), (1., 0.), (1., 1.), (0., 1.)].map(|(x, y)| DVec3::new(x, 2.0, y));
+        let far = square.map(|p| p + DVec3::new(7.0, 0.0, 3.0));
+        let above = square.map(|p| p + DVec3::new(0.0, 1e-3, 0.0));
         let a = planes.id(&square, DVec3::Y);
         assert_eq!(planes.id(&far, -DVec3::Y), a);
         assert_ne!(planes.id(&above, DVec3::Y), a);
-        let wall = square.map(|p| Vec3::new(p.y, p.x, p.z));
+        let wall = square.map(|p| DVec3::new(p.y, p.x, p.z));
         assert_ne!(planes.id(&wall, DVec3::X), a);
     }
 }

@@ -4,8 +4,8 @@
 //! its element takes its light from its free samples, so that contacts leave no black rims.
 
 use super::plane::RELATIVE_TOLERANCE;
-use super::{ALL_VALID, Facet, Frame, Mesh, NONE, Patch};
-use glam::DVec3;
+use super::{ALL_VALID, Facet, Frame, Mesh, NONE, Patch, Tile};
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, Layout, NO_PLANE, Ray, Triangle};
 
@@ -21,6 +21,17 @@ pub fn order(layout: Layout) -> (&'static [u8; 16], u16) {
         Layout::Quad => (&QUAD_ORDER, 1 << 5 | 1 << 6 | 1 << 9 | 1 << 10),
         Layout::Triangle => (&TRIANGLE_ORDER, 1 << 9),
     }
+}
+
+/// Where within an element its sample point lies: see [`Patch::sample_point`].
+pub fn sample_parameters(layout: Layout, valid: u16) -> Option<DVec2> {
+    let middle = Frame::middle(layout);
+    let (order, innermost) = order(layout);
+    if valid & innermost == innermost {
+        return Some(middle);
+    }
+    let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
+    Some(Tile::of(layout, [4, 4], sample.into()).at(middle))
 }
 
 /// Surfaces nearer than this share of an element's width touch it.
@@ -91,6 +102,17 @@ fn valid_samples(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, k: u32) -> u
 pub fn is_covered(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3) -> bool {
     let width = (patch.area / f64::from(patch.element_count())).sqrt();
     look_about(mesh, hierarchy, patch, point, width) == View::Covered
+}
+
+/// Whether a point of a patch is covered, or lies in a crack, while `other`, of the same element, is not or does not: then
+/// the light found there says nothing about the point, which by itself would take none.
+pub fn is_hidden_beside(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, other: DVec3) -> bool {
+    let width = (patch.area / f64::from(patch.element_count())).sqrt();
+    let view = |p: DVec3| look_about(mesh, hierarchy, patch, p, width);
+    match view(point) {
+        View::Open => false,
+        hidden => hidden == View::Covered || hidden < view(other),
+    }
 }
 
 /// What a sample sees.

@@ -3,6 +3,7 @@
 mod ambient;
 mod camera;
 mod exposure;
+mod factors;
 #[cfg(test)]
 pub(crate) mod fixture;
 mod gltf;
@@ -17,7 +18,10 @@ mod vtu;
 pub use ambient::ambient;
 pub use camera::{CameraError, Projection, View};
 pub use exposure::Exposure;
+pub use factors::{FactorForm, FactorValue, FactorWriter};
 pub use gltf::{LitOptions, LitReport, write_glb, write_gltf};
-pub use picture::{FalseColour, Picture, PictureOptions, Scale, Tone, Unit, render, write_exr, write_png};
+pub use picture::{
+    FalseColour, Picture, PictureOptions, Scale, Tone, Unit, grid_picture, render, write_exr, write_png,
+};
 pub use table::write_table;
 pub use vtu::write_vtu;

@@ -56,6 +56,9 @@ pub struct SourceTriangle {
     pub emission_uv: [[f32; 2]; 3],
     /// Vertex colours, linear RGBA; ones where the file has none.
     pub colour: [[f32; 4]; 3],
+    /// Number of the input face it is a part of, counted over the file from 0: of the `f` statement in an OBJ file, of the
+    /// triangle itself in glTF, in the order of the surfaces.
+    pub face: u64,
 }
 
 /// One node of the hierarchy.
@@ -180,6 +183,7 @@ pub enum LightKind {
         /// Position.
         position: [f64; 3],
         /// Beyond this distance it is dark (KHR_lights_punctual); infinite if none.
+        #[serde(deserialize_with = "infinite_if_null")]
         range: f64,
     },
     /// Shines in a cone.
@@ -189,6 +193,7 @@ pub enum LightKind {
         /// Unit vector along the axis, away from the lamp.
         direction: [f64; 3],
         /// As for points.
+        #[serde(deserialize_with = "infinite_if_null")]
         range: f64,
         /// Cosine of the inner cone's angle.
         inner_cosine: f64,
@@ -200,6 +205,11 @@ pub enum LightKind {
         /// Unit vector along which the light travels.
         direction: [f64; 3],
     },
+}
+
+/// JSON has no infinity: it is written as null.
+fn infinite_if_null<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
 /// A camera in world space; it looks along its −z.
@@ -215,4 +225,23 @@ pub struct Camera {
     pub half_height: f64,
     /// Width over height, if the file says.
     pub aspect: Option<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::LightKind;
+
+    #[test]
+    fn a_lamp_without_a_range_is_the_same_after_json() {
+        let position = [1.0, 2.0, 3.0];
+        let direction = [0.0, -1.0, 0.0];
+        for range in [f64::INFINITY, 7.5] {
+            let spot = LightKind::Spot { position, direction, range, inner_cosine: 1.0, outer_cosine: 0.5 };
+            for kind in [LightKind::Point { position, range }, spot] {
+                let text = serde_json::to_string(&kind).unwrap();
+                assert_eq!(serde_json::from_str::<LightKind>(&text).unwrap(), kind, "{text}");
+            }
+        }
+        assert!(serde_json::from_str::<LightKind>(r#"{"Point":{"position":[0,0,0]}}"#).is_err());
+    }
 }

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ElementLight {
-    /// Area average of the irradiance received up to the patch's last own shot.
+    /// Area average of the irradiance received up to the patch's last own shot, and what rounding took since then.
     pub shot: Rgb,
     /// Area average received since then: its reflection is unshot.
     pub unshot: Rgb,
@@ -17,6 +17,19 @@ pub struct ElementLight {
 }
 
 impl ElementLight {
+    /// Adds irradiance: its area average, and its value at the sample point. What rounding takes from the sum of many small
+    /// amounts is carried over in `shot` (compensated summation, Neumaier 1974): into the next sum while the patch has shot
+    /// nothing that counts beside it, so that all of it is reflected; and else to what is displayed.
+    pub fn add(&mut self, area: [f64; 3], point: [f64; 3]) {
+        for c in 0..3 {
+            let carry = if self.shot[c].abs() <= f32::EPSILON * self.unshot[c] { self.shot[c] } else { 0.0 };
+            let sum = f64::from(self.unshot[c]) + f64::from(carry) + area[c];
+            self.unshot[c] = sum as f32;
+            self.shot[c] = (self.shot[c] - carry) + (sum - f64::from(self.unshot[c])) as f32;
+            self.correction[c] += (point[c] - area[c]) as f32;
+        }
+    }
+
     /// Area average of the irradiance.
     pub fn mean(&self) -> Rgb {
         std::array::from_fn(|c| self.shot[c] + self.unshot[c])
@@ -79,6 +92,14 @@ pub fn unshot_radiosity(mesh: &Mesh, patch: &Patch, element: u32, light: &Elemen
     })
 }
 
+/// Radiosity B of element `element`, of the part that is free of other geometry: exitance and all that it reflects, shot or
+/// not.
+pub fn radiosity(mesh: &Mesh, patch: &Patch, element: u32, light: &ElementLight) -> [f64; 3] {
+    let colour = mesh.colour(patch, element);
+    let (returned, mean) = (colour.returned(), light.mean());
+    std::array::from_fn(|c| f64::from(colour.exitance[c]) + f64::from(returned[c]) * f64::from(mean[c]).max(0.0))
+}
+
 /// Unshot power of a patch, W or lm, summed over channels in element order.
 pub fn unshot_power(mesh: &Mesh, patch: &Patch, elements: &[ElementLight], emission: bool) -> f64 {
     elements
@@ -90,4 +111,34 @@ pub fn unshot_power(mesh: &Mesh, patch: &Patch, elements: &[ElementLight], emiss
             patch.element_area(k as u32) * mesh.valid_share(element) * (radiosity[0] + radiosity[1] + radiosity[2])
         })
         .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ElementLight;
+
+    #[test]
+    fn many_small_amounts_add_up() {
+        // In plain single precision the first amount would swallow the others.
+        let mut light = ElementLight::default();
+        light.add([1.0, 3.0, 0.1], [1.0, 3.0, 0.1]);
+        for _ in 0..1_000_000 {
+            light.add([4e-8, 1e-8, 3e-9], [4e-8, 1e-8, 3e-9]);
+        }
+        let expected = [1.04, 3.01, 0.103];
+        // What is reflected and what is displayed: both.
+        for found in [light.unshot, light.mean(), light.at_point()] {
+            for c in 0..3 {
+                assert!((f64::from(found[c]) / expected[c] - 1.0).abs() < 2e-7, "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn light_that_has_been_shot_is_not_shot_again() {
+        let mut light = ElementLight { shot: [2.0, 1e-9, 0.0], ..ElementLight::default() };
+        light.add([1.0; 3], [1.0; 3]);
+        assert_eq!(light.unshot, [1.0; 3]);
+        assert_eq!(light.mean()[0], 3.0);
+    }
 }

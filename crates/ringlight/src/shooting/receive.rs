@@ -4,54 +4,33 @@
 //! clears bits; form factors turn masks into light. The middle step knows no light, the others need no occluder:
 //! it may be done elsewhere.
 
-use super::emitter::range_window;
+use super::gather::{Received, Role, Spread};
 use super::light::{ClusterLight, ElementLight, unshot_power};
-use super::shot::{PatchSource, Shot, Source};
-use crate::form_factor;
-use crate::mesh::{Mesh, Patch};
+use super::packet::Packet;
+use super::shot::{Shot, Source};
+use crate::mesh::{ALL_VALID, Mesh, Patch};
 use glam::DVec3;
-use ringlight_visibility::{Cells, Hierarchy, Points, Tally};
+use ringlight_visibility::{Cells, Hierarchy, Layout, Tally};
 
-/// Elements nearer to the shooter than this many of their widths also take area samples: the error of a single point is
-/// of the order of (width/distance)²/24.
+/// Elements nearer to the shooter than this many of their widths also take area samples: the error of a single point's
+/// second-order mean is of the order of (width/distance)⁴/100.
 const NEAR: f64 = 3.0;
-
-/// Lanes of the cell loop.
-const LANES: usize = 16;
 
 /// Buffers that a thread reuses from cluster to cluster.
 #[derive(Debug, Default)]
 pub struct Work {
-    x: Vec<f32>,
-    y: Vec<f32>,
-    z: Vec<f32>,
-    plane: Vec<u32>,
-    masks: Vec<u64>,
+    packet: Packet,
+    /// What belongs to each receiver of the packet.
     samples: Vec<Sample>,
-    received: Vec<[f64; 3]>,
 }
 
 /// A sample point on its way.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
-    point: DVec3,
-    normal: DVec3,
     /// Element within the cluster.
     element: u32,
     /// How many area samples follow this point value; for an area sample itself 0.
     followers: u8,
-}
-
-/// The cells of a patch shooter, structure of arrays, padded with cells of no weight.
-struct CellTable {
-    x: [f32; 64],
-    y: [f32; 64],
-    z: [f32; 64],
-    density: [f32; 64],
-    light: [[f32; 64]; 3],
-    count: usize,
-    /// Area of a cell, m².
-    area: f32,
 }
 
 /// Adds to `light`, the light of cluster number `cluster`, what it receives from `shot`.
@@ -67,16 +46,15 @@ pub fn receive(
     if work.samples.is_empty() {
         return Tally::default();
     }
-    let points = Points { x: &work.x, y: &work.y, z: &work.z, plane: &work.plane };
-    let tally = hierarchy.clear_blocked(&shot.shooter, points, &mut work.masks);
-    add_received(mesh, cluster, light, shot, work);
+    let tally = work.packet.receive(shot, hierarchy);
+    add(mesh, cluster, light, is_hard(shot), work);
     tally
 }
 
 /// The last step of [`receive`]: adds what arrives at the points that `work` has collected of this cluster, through what
 /// their masks have left open.
 pub fn add_received(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, shot: &Shot, work: &mut Work) {
-    gather(shot, work);
+    work.packet.gather(shot);
     add(mesh, cluster, light, is_hard(shot), work);
 }
 
@@ -99,28 +77,47 @@ pub fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
         if !may_face(&patch, shot) {
             continue;
         }
+        let alone = work.packet.push_spread(spread(&patch));
         for k in 0..patch.element_count() {
             let element = patch.first_element + k;
             let valid = mesh.valid[element as usize];
             let Some(point) = patch.sample_point(k, valid) else { continue };
             let index = element - cluster.elements.start;
             let near = hard || is_near(&patch, point, shot);
-            let mask = horizon_mask(shot, point, patch.normal);
+            let mask = shot.above_horizon(point, patch.normal);
             if mask == 0 && !near {
                 continue;
             }
             let head = work.samples.len();
-            work.push(&patch, point, index, mask);
+            let role = match (near, valid) {
+                (true, _) => Role::Near,
+                (false, ALL_VALID) => alone,
+                (false, _) => Role::Point,
+            };
+            work.push(&patch, role, point, index, mask);
             if near {
                 let tile = patch.element_tile(k);
                 for s in (0..16).filter(|s| valid >> s & 1 == 1) {
                     let point = patch.area_sample(&tile, s);
-                    work.push(&patch, point, index, horizon_mask(shot, point, patch.normal));
+                    work.push(&patch, Role::Near, point, index, shot.above_horizon(point, patch.normal));
                 }
                 work.samples[head].followers = valid.count_ones() as u8;
             }
         }
     }
+}
+
+/// How far a patch's elements extend: all alike if it is a triangle or a parallelogram, else those in its middle.
+fn spread(patch: &Patch) -> Spread {
+    let [columns, rows] = patch.grid.map(f64::from);
+    let frame = &patch.frame;
+    let (u, v) = ((frame.edge_u + 0.5 * frame.twist) / columns, (frame.edge_v + 0.5 * frame.twist) / rows);
+    let vectors = match frame.layout {
+        Layout::Quad => [u, v],
+        // The covariance of a triangle is (2uuᵀ + 2vvᵀ − uvᵀ − vuᵀ)/36.
+        Layout::Triangle => [(u - v) / std::f64::consts::SQRT_2, (u + v) / 6f64.sqrt()],
+    };
+    Spread(vectors.map(|w| w.as_vec3()))
 }
 
 /// False only if no point of the patch can receive light from the shooter.
@@ -159,108 +156,6 @@ fn is_near(patch: &Patch, point: DVec3, shot: &Shot) -> bool {
     away.length_squared() < reach * reach
 }
 
-/// The cells that lie above the point's horizon and face it.
-fn horizon_mask(shot: &Shot, point: DVec3, normal: DVec3) -> u64 {
-    let above = |cells: &mut dyn Iterator<Item = DVec3>| {
-        cells.enumerate().fold(0u64, |mask, (k, to)| mask | u64::from(normal.dot(to) > 0.0) << k)
-    };
-    match (&shot.source, &shot.shooter.cells) {
-        (Source::Patch(source), Cells::Grid(grid)) => {
-            if source.normal.dot(point - source.corners[0]) <= 0.0 {
-                return 0;
-            }
-            if source.corners[..source.count].iter().all(|&c| normal.dot(c - point) > 0.0) {
-                return shot.shooter.cells.all();
-            }
-            above(&mut (0..grid.len()).map(|k| DVec3::from(grid.point(k).map(f64::from)) - point))
-        }
-        (_, Cells::Directions(d)) => above(&mut d.iter().map(|d| DVec3::from(d.map(f64::from)))),
-        (_, Cells::Points(p)) => above(&mut p.iter().map(|p| DVec3::from(p.map(f64::from)) - point)),
-        (_, Cells::Grid(_)) => 0,
-    }
-}
-
-/// Turns masks into irradiance.
-fn gather(shot: &Shot, work: &mut Work) {
-    let Work { masks, samples, received, .. } = work;
-    match &shot.source {
-        Source::Patch(source) => {
-            let table = CellTable::new(shot, source);
-            pulp::Arch::new().dispatch(|| {
-                for (sample, &mask) in samples.iter().zip(masks.iter()) {
-                    received.push(if mask == 0 { [0.0; 3] } else { from_patch(source, &table, sample, mask) });
-                }
-            });
-        }
-        Source::Point { position, cone, range } => {
-            for (sample, &mask) in samples.iter().zip(masks.iter()) {
-                let factor = if mask == 0 { 0.0 } else { from_point(sample, *position, *cone, *range) };
-                received.push(shot.light[0].map(|i| f64::from(i) * factor));
-            }
-        }
-        Source::Directions => {
-            let Cells::Directions(directions) = &shot.shooter.cells else { return };
-            for (sample, &mask) in samples.iter().zip(masks.iter()) {
-                let mut sum = [0.0; 3];
-                for (k, d) in directions.iter().enumerate().filter(|(k, _)| mask >> k & 1 == 1) {
-                    let cosine = sample.normal.dot(DVec3::from(d.map(f64::from)));
-                    (0..3).for_each(|c| sum[c] += cosine * f64::from(shot.light[k][c]));
-                }
-                received.push(sum);
-            }
-        }
-    }
-}
-
-/// Irradiance from the visible part of a patch: the contour of the whole shooter, weighted by the visible share of the
-/// light of its cells, Σ cosθᵣ cosθₛ ΔB / (πr² + A) (DESIGN section 3; Wallace, Elmquist & Haines 1989 for the disc form).
-#[inline(always)]
-fn from_patch(source: &PatchSource, table: &CellTable, sample: &Sample, mask: u64) -> [f64; 3] {
-    let factor = form_factor::contour(sample.point, sample.normal, &source.corners[..source.count]);
-    let (x, n) = (sample.point.as_vec3(), sample.normal.as_vec3());
-    let s = source.normal.as_vec3();
-    let mut total = [0.0f32; LANES];
-    let mut light = [[0.0f32; LANES]; 3];
-    for chunk in 0..table.count.div_ceil(LANES) {
-        let first = chunk * LANES;
-        let bits = (mask >> first) as u32;
-        for l in 0..LANES {
-            let k = first + l;
-            let (dx, dy, dz) = (table.x[k] - x.x, table.y[k] - x.y, table.z[k] - x.z);
-            let r2 = dx * dx + dy * dy + dz * dz;
-            let receiver = (dx * n.x + dy * n.y + dz * n.z).max(0.0);
-            let shooter = (-(dx * s.x + dy * s.y + dz * s.z)).max(0.0);
-            let disc = receiver * shooter / (r2 * (std::f32::consts::PI * r2 + table.area)) * table.density[k];
-            let seen = (bits >> l & 1) as f32 * disc;
-            total[l] += disc;
-            light[0][l] += seen * table.light[0][k];
-            light[1][l] += seen * table.light[1][k];
-            light[2][l] += seen * table.light[2][k];
-        }
-    }
-    let sum = |lanes: &[f32; LANES]| lanes.iter().map(|&x| f64::from(x)).sum::<f64>();
-    let total = sum(&total);
-    if total > 0.0 { [0, 1, 2].map(|c| factor * sum(&light[c]) / total) } else { [0.0; 3] }
-}
-
-/// Irradiance per intensity from a point or spot light (KHR_lights_punctual for cone and range).
-fn from_point(sample: &Sample, position: DVec3, cone: Option<(DVec3, f64, f64)>, range: f64) -> f64 {
-    let to = position - sample.point;
-    let r2 = to.length_squared();
-    let r = r2.sqrt();
-    if !(r > 0.0 && r < range) {
-        return 0.0;
-    }
-    let mut factor = to.dot(sample.normal).max(0.0) / (r * r2);
-    factor *= range_window(r, range);
-    if let Some((axis, inner, outer)) = cone {
-        let cosine = -to.dot(axis) / r;
-        let ramp = ((cosine - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
-        factor *= ramp * ramp;
-    }
-    factor
-}
-
 /// Adds what was received to the elements, and renews the unshot power of their patches.
 fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, hard: bool, work: &Work) {
     let mut i = 0;
@@ -268,22 +163,19 @@ fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, hard: bool, work: 
     while i < work.samples.len() {
         let sample = &work.samples[i];
         let followers = usize::from(sample.followers);
-        let point = work.received[i];
+        let Received { point, mean } = work.packet.received()[i];
         let mean: [f64; 3] = if followers == 0 {
-            point
+            mean
         } else {
-            let sum = work.received[i + 1..=i + followers]
+            let sum = work.packet.received()[i + 1..=i + followers]
                 .iter()
-                .fold([0.0; 3], |a, b| [a[0] + b[0], a[1] + b[1], a[2] + b[2]]);
+                .fold([0.0; 3], |a, b| [a[0] + b.point[0], a[1] + b.point[1], a[2] + b.point[2]]);
             sum.map(|x| x / followers as f64)
         };
         let (area, point) = if hard { (mean, mean) } else { (mean, point) };
         if area != [0.0; 3] || point != [0.0; 3] {
             let element: &mut ElementLight = &mut light.elements[sample.element as usize];
-            for c in 0..3 {
-                element.unshot[c] += area[c] as f32;
-                element.correction[c] += (point[c] - area[c]) as f32;
-            }
+            element.add(area, point);
             lit = Some(lit.map_or((sample.element, sample.element), |(first, _)| (first, sample.element)));
         }
         i += 1 + followers;
@@ -309,60 +201,18 @@ fn renew_power(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, first: u32
 }
 
 impl Work {
-    /// The points collected.
-    pub fn points(&self) -> Points<'_> {
-        Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane }
-    }
-
-    /// The cells that each of them may see.
-    pub fn masks(&self) -> &[u64] {
-        &self.masks
-    }
-
-    /// For occluders to clear bits.
-    pub fn masks_mut(&mut self) -> &mut [u64] {
-        &mut self.masks
+    /// The points collected, with masks.
+    pub fn packet(&mut self) -> &mut Packet {
+        &mut self.packet
     }
 
     fn clear(&mut self) {
-        self.x.clear();
-        self.y.clear();
-        self.z.clear();
-        self.plane.clear();
-        self.masks.clear();
+        self.packet.clear();
         self.samples.clear();
-        self.received.clear();
     }
 
-    fn push(&mut self, patch: &Patch, point: DVec3, element: u32, mask: u64) {
-        let single = point.as_vec3();
-        self.x.push(single.x);
-        self.y.push(single.y);
-        self.z.push(single.z);
-        self.plane.push(patch.plane);
-        self.masks.push(mask);
-        self.samples.push(Sample { point, normal: patch.normal, element, followers: 0 });
-    }
-}
-
-impl CellTable {
-    fn new(shot: &Shot, source: &PatchSource) -> CellTable {
-        let mut table = CellTable {
-            // Lanes without a cell lie so far away that they add 0, also for a point at the origin.
-            x: [1e15; 64],
-            y: [0.0; 64],
-            z: [0.0; 64],
-            density: [0.0; 64],
-            light: [[0.0; 64]; 3],
-            count: shot.light.len(),
-            area: (source.area / shot.light.len() as f64) as f32,
-        };
-        let Cells::Grid(grid) = &shot.shooter.cells else { return table };
-        for (k, light) in shot.light.iter().enumerate() {
-            [table.x[k], table.y[k], table.z[k]] = grid.point(k);
-            table.density[k] = source.density[k];
-            (0..3).for_each(|c| table.light[c][k] = light[c]);
-        }
-        table
+    fn push(&mut self, patch: &Patch, role: Role, point: DVec3, element: u32, mask: u64) {
+        self.packet.push_as(role, point, patch.normal, patch.plane, mask);
+        self.samples.push(Sample { element, followers: 0 });
     }
 }

@@ -2,7 +2,7 @@
 
 use super::lattice::Lattice;
 use super::places::{Places, Touch};
-use crate::mesh::{Mesh, RELATIVE_TOLERANCE};
+use crate::mesh::{Frame, Mesh, RELATIVE_TOLERANCE, Tile};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
 use glam::DVec3;
@@ -65,6 +65,14 @@ pub fn sides(mesh: &Mesh, facet: u32) -> impl Iterator<Item = Side> + use<> {
     [false, true].into_iter().take(1 + usize::from(double)).map(move |back| Side { facet, back })
 }
 
+/// The light at an element's sample point. Unknown for elements without a free sample, and for partly covered ones that got
+/// no light at all: their sample point lies in a closed pocket.
+pub fn known(solution: &Solution, element: u32) -> Option<Rgb> {
+    let (valid, light) = (solution.mesh.valid[element as usize], solution.irradiance(element));
+    let pocket = valid != crate::mesh::ALL_VALID && light == [0.0; 3];
+    (valid != 0 && !pocket && light.iter().all(|x| x.is_finite())).then_some(light)
+}
+
 /// The element over a cell.
 pub fn element_of(mesh: &Mesh, side: Side, cell: u32) -> u32 {
     let facet = &mesh.facets[side.facet as usize];
@@ -72,9 +80,36 @@ pub fn element_of(mesh: &Mesh, side: Side, cell: u32) -> u32 {
     first + facet.find_element(Lattice::of(facet).middle(cell)).0
 }
 
+/// The side of a facet that an element lies on, and its cell.
+pub fn locate(mesh: &Mesh, element: u32) -> (Side, u32) {
+    let cluster = &mesh.clusters[mesh.clusters.partition_point(|c| c.elements.end <= element)];
+    // The last patch of the cluster that begins at or before the element.
+    let first_element = |id: u32| {
+        let code = mesh.patch_facets[id as usize];
+        let facet = &mesh.facets[(code >> 1) as usize];
+        match code & 1 {
+            1 => facet.first_back_element + (id - facet.first_back_patch) * facet.elements_per_patch(),
+            _ => facet.first_element + (id - facet.first_patch) * facet.elements_per_patch(),
+        }
+    };
+    let (mut low, mut high) = (cluster.patches.start, cluster.patches.end);
+    while high - low > 1 {
+        let middle = low + (high - low) / 2;
+        if first_element(middle) <= element { low = middle } else { high = middle }
+    }
+    let code = mesh.patch_facets[low as usize];
+    let side = Side { facet: code >> 1, back: code & 1 == 1 };
+    let facet = &mesh.facets[side.facet as usize];
+    let first_patch = if side.back { facet.first_back_patch } else { facet.first_patch };
+    let layout = facet.layout();
+    let within = Tile::of(layout, facet.elements.map(u32::from), element - first_element(low));
+    let middle = facet.patch_tile(low - first_patch).at(within.at(Frame::middle(layout)));
+    let (cell, _) = Tile::find(layout, Lattice::of(facet).size, middle);
+    (side, cell)
+}
+
 impl<'a> Field<'a> {
-    /// The light at the sample points. Elements without a free sample are unknown, and so are partly covered ones that
-    /// got no light at all: their sample point lies in a closed pocket.
+    /// The light at the sample points.
     pub fn new(solution: &'a Solution) -> Field<'a> {
         let mesh = &solution.mesh;
         let mut first_cell = Vec::with_capacity(mesh.facets.len());
@@ -83,12 +118,7 @@ impl<'a> Field<'a> {
             first_cell.push(next);
             next += facet.element_count() * if facet.double_sided() { 2 } else { 1 };
         }
-        let light = |side: Side, cell: u32| {
-            let element = element_of(mesh, side, cell);
-            let (valid, light) = (mesh.valid[element as usize], solution.irradiance(element));
-            let pocket = valid != crate::mesh::ALL_VALID && light == [0.0; 3];
-            if valid == 0 || pocket || !light.iter().all(|x| x.is_finite()) { UNKNOWN } else { light }
-        };
+        let light = |side: Side, cell: u32| known(solution, element_of(mesh, side, cell)).unwrap_or(UNKNOWN);
         let cells = (0..mesh.facets.len() as u32)
             .into_par_iter()
             .flat_map_iter(|f| {
@@ -194,7 +224,8 @@ impl<'a> Field<'a> {
     }
 
     /// Light at `point` from parts around it: their mean; where they lie to one side, as at the border of a surface, it
-    /// follows their gradient to the point, by no more than half.
+    /// follows their gradient to the point, by no more than half. The gradient is that of all light around the parts: where
+    /// a wall stands, take the [`mean`].
     pub fn blend(&self, point: DVec3, parts: &[Part]) -> Rgb {
         let weight: f64 = parts.iter().map(|p| p.weight).sum();
         let mut mean = [0.0; 3];
@@ -246,6 +277,12 @@ impl<'a> Field<'a> {
             along_v(column, row).or_else(|| along_v(column - 1, row)).unwrap_or_default(),
         ]
     }
+}
+
+/// Weighted mean of the light of some parts.
+pub fn mean(parts: &[Part]) -> Rgb {
+    let weight: f64 = parts.iter().map(|p| p.weight).sum();
+    [0, 1, 2].map(|c| parts.iter().map(|p| p.weight / weight * f64::from(p.light[c])).sum::<f64>() as f32)
 }
 
 /// Change per cell at cell 0 of a row: central inside, one-sided at its ends; none across an extremum, no more than

@@ -10,23 +10,30 @@
 //! - elements of one plane that differ much are tested for a wall between them, by rays (`walls`); where there is one,
 //!   the corner has different light in different elements;
 //! - triangles that were paired, and patches of one face, form one grid (`lattice`) and need no search.
+//!
+//! Within an element the light keeps what the solver found at the sample point (`fan`). Probes ask for more: light that does
+//! not pass what stands on the element itself (`standing`).
 
+mod fan;
 mod field;
 mod fill;
 pub(crate) mod lattice;
-mod places;
+pub(crate) mod places;
+mod standing;
 #[cfg(test)]
 mod tests;
 mod walls;
 
-use crate::mesh::Frame;
+use crate::mesh;
 use crate::quantity::Rgb;
 use crate::solution::Solution;
+use fan::Fan;
 use field::{Field, Side, Work, element_of, sides};
 use glam::DVec2;
 use lattice::Lattice;
 use rayon::prelude::*;
 use ringlight_visibility::Layout;
+pub use standing::SurfaceLight;
 use walls::{Split, Walls};
 
 /// Irradiance at the corners of elements, interpolated over smooth surfaces but not across edges, creases or walls.
@@ -77,7 +84,7 @@ impl<'a> Smooth<'a> {
     /// Irradiance at the corners of an element, in the order of [`crate::mesh::Frame::corner_parameters`] of its facet's
     /// layout; a triangle repeats the last one. W/m² or lux.
     pub fn corners(&self, element: u32) -> [Rgb; 4] {
-        let (side, cell) = self.locate(element);
+        let (side, cell) = field::locate(&self.solution.mesh, element);
         self.cell_corners(element, side, cell)
     }
 
@@ -95,16 +102,21 @@ impl<'a> Smooth<'a> {
         corners
     }
 
-    /// Irradiance at parameters `within` of an element: bilinear in quadrilaterals, linear in triangles. W/m² or lux.
+    /// Irradiance at parameters `within` of an element, W/m² or lux: linear in the triangles between its border and its
+    /// sample point, where it is what the solver found.
     pub fn at(&self, element: u32, within: DVec2) -> Rgb {
-        let (side, cell) = self.locate(element);
+        let (side, cell) = field::locate(&self.solution.mesh, element);
+        self.fan(element, side, cell).at(within)
+    }
+
+    fn fan(&self, element: u32, side: Side, cell: u32) -> Fan {
+        let mesh = &self.solution.mesh;
         let corners = self.cell_corners(element, side, cell);
-        let (u, v) = (within.x.clamp(0.0, 1.0) as f32, within.y.clamp(0.0, 1.0) as f32);
-        let weights = match self.solution.mesh.facets[side.facet as usize].layout() {
-            Layout::Quad => [(1.0 - u) * (1.0 - v), u * (1.0 - v), u * v, (1.0 - u) * v],
-            Layout::Triangle => [(1.0 - u - v).max(0.0), u, v, 0.0],
-        };
-        std::array::from_fn(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
+        let layout = mesh.facets[side.facet as usize].layout();
+        match field::known(self.solution, element).zip(mesh::sample_parameters(layout, mesh.valid[element as usize])) {
+            Some((light, middle)) => Fan { layout, corners, middle, light },
+            None => Fan::even(layout, corners),
+        }
     }
 
     /// Whether a wall cuts a corner of an element off from the vertex it shares.
@@ -116,35 +128,6 @@ impl<'a> Smooth<'a> {
         let start = self.splits.partition_point(|s| s.element < element);
         let count = self.splits[start..].iter().take_while(|s| s.element == element).count();
         &self.splits[start..start + count]
-    }
-
-    /// The side of a facet that an element lies on, and its cell.
-    fn locate(&self, element: u32) -> (Side, u32) {
-        let mesh = &self.solution.mesh;
-        let cluster = &mesh.clusters[mesh.clusters.partition_point(|c| c.elements.end <= element)];
-        // The last patch of the cluster that begins at or before the element.
-        let first_element = |id: u32| {
-            let code = mesh.patch_facets[id as usize];
-            let facet = &mesh.facets[(code >> 1) as usize];
-            match code & 1 {
-                1 => facet.first_back_element + (id - facet.first_back_patch) * facet.elements_per_patch(),
-                _ => facet.first_element + (id - facet.first_patch) * facet.elements_per_patch(),
-            }
-        };
-        let (mut low, mut high) = (cluster.patches.start, cluster.patches.end);
-        while high - low > 1 {
-            let middle = low + (high - low) / 2;
-            if first_element(middle) <= element { low = middle } else { high = middle }
-        }
-        let code = mesh.patch_facets[low as usize];
-        let side = Side { facet: code >> 1, back: code & 1 == 1 };
-        let facet = &mesh.facets[side.facet as usize];
-        let first_patch = if side.back { facet.first_back_patch } else { facet.first_patch };
-        let layout = facet.layout();
-        let within = crate::mesh::Tile::of(layout, facet.elements.map(u32::from), element - first_element(low));
-        let middle = facet.patch_tile(low - first_patch).at(within.at(Frame::middle(layout)));
-        let (cell, _) = crate::mesh::Tile::find(layout, Lattice::of(facet).size, middle);
-        (side, cell)
     }
 }
 
@@ -180,7 +163,8 @@ fn find_splits(field: &Field<'_>, suspects: &[Suspect]) -> Vec<Split> {
         return Vec::new();
     }
     let mesh = field.mesh();
-    let walls = Walls::new(mesh);
+    let hierarchy = mesh::hierarchy(mesh);
+    let walls = Walls::new(mesh, &hierarchy);
     let find = |work: &mut Work, &(side, vertex): &Suspect| {
         field.collect(side, vertex, false, work);
         let facet = &mesh.facets[side.facet as usize];
@@ -192,7 +176,7 @@ fn find_splits(field: &Field<'_>, suspects: &[Suspect]) -> Vec<Split> {
             walls.keep_seen(side, cell, point, &mut seen);
             if seen.len() < work.parts.len() {
                 let corner = lattice.corners(cell).iter().position(|&v| v == vertex).unwrap_or(0) as u8;
-                splits.push(Split { element: element_of(mesh, side, cell), corner, light: field.blend(point, &seen) });
+                splits.push(Split { element: element_of(mesh, side, cell), corner, light: field::mean(&seen) });
             }
         }
         splits

@@ -1,4 +1,4 @@
-//! Which elements touch a point: a tree of boxes over facets.
+//! Which elements touch a point, which facets are near it: a tree of boxes over facets.
 //!
 //! One question answers both shared corners and T-junctions, where a corner lies on the edge of a neighbour's element.
 
@@ -48,26 +48,31 @@ impl<'a> Places<'a> {
     /// `tolerance` metres, in the order of facets.
     pub fn touching(&self, point: DVec3, tolerance: f64, found: &mut Vec<Touch>) {
         found.clear();
+        self.visit(point, tolerance, &mut |f| touch(f, &self.facets[f as usize], point, tolerance, found));
+    }
+
+    /// Calls `each` for the facets whose boxes, grown by `distance` metres, hold `point`, in the order of facets.
+    pub fn visit(&self, point: DVec3, distance: f64, each: &mut dyn FnMut(u32)) {
         if let Some(top) = self.levels.len().checked_sub(1) {
-            self.descend(top, 0, point, tolerance, found);
+            self.descend(top, 0, point, distance, each);
         }
     }
 
-    fn descend(&self, level: usize, node: usize, point: DVec3, tolerance: f64, found: &mut Vec<Touch>) {
-        if !contains(&self.levels[level][node], point, tolerance) {
+    fn descend(&self, level: usize, node: usize, point: DVec3, distance: f64, each: &mut dyn FnMut(u32)) {
+        if !contains(&self.levels[level][node], point, distance) {
             return;
         }
         let children = node * FAN..(node + 1) * FAN;
         if level > 0 {
             for child in children.start..children.end.min(self.levels[level - 1].len()) {
-                self.descend(level - 1, child, point, tolerance, found);
+                self.descend(level - 1, child, point, distance, each);
             }
             return;
         }
         for f in children.start..children.end.min(self.facets.len()) {
             let facet = &self.facets[f];
-            if contains(&bounds(facet), point, tolerance) {
-                touch(f as u32, facet, point, tolerance, found);
+            if contains(&bounds(facet), point, distance) {
+                each(f as u32);
             }
         }
     }

@@ -1,4 +1,4 @@
-use super::Smooth;
+use super::{Smooth, SurfaceLight};
 use crate::output::fixture::{closed_box, elements, paint, read, solve};
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -153,4 +153,96 @@ fn round_things_are_smooth_and_sharp_ones_are_not() {
     assert!((light[0] - light[1]).abs() < 1e-4, "beyond the crease it is even: {ends:?}");
     assert!((light[2] - light[5]).abs() < 1e-5, "{ends:?}");
     assert!((light[4] - light[7]).abs() < 1e-5, "{ends:?}");
+}
+
+/// The element of the front of the horizontal floor that holds (x, y), and the parameters within it.
+fn floor_at(solution: &crate::solution::Solution, x: f64, y: f64) -> (u32, DVec2) {
+    let mesh = &solution.mesh;
+    let point = DVec3::new(x, y, 0.0) - DVec3::from(mesh.origin);
+    let facet =
+        mesh.facets.iter().find(|f| f.frame().area_vector().z > 0.99 * f.frame().area_vector().length()).unwrap();
+    let (k, within) = facet.find_element(facet.frame().parameters(point));
+    (facet.first_element + k, within)
+}
+
+#[test]
+fn the_light_found_at_sample_points_is_shown_there() {
+    let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nusemtl grey\nf 1 2 3 4\n";
+    let mut solution = solve(&read(obj), 0.5, 1.0);
+    // A shadow edge.
+    let light = |p: DVec3, _: DVec3| if p.x + 0.3 * p.y < 2.0 { 10.0 } else { 1.0 };
+    paint(&mut solution, light);
+    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
+    let (smooth, surface) = (Smooth::new(&solution), SurfaceLight::new(&solution, &hierarchy));
+    for (element, corners, normal) in elements(&solution) {
+        let middle = corners.iter().sum::<DVec3>() / 4.0;
+        let expected = [light(middle, normal) as f32; 3];
+        assert_eq!(smooth.at(element, DVec2::splat(0.5)), expected);
+        assert_eq!(surface.at(element, DVec2::splat(0.5)), Some(expected));
+    }
+}
+
+#[test]
+fn where_nothing_stands_a_place_has_the_light_that_is_displayed() {
+    let mut solution = solve(&read(&closed_box("grey")), 0.25, 1.0);
+    paint(&mut solution, |p, n| 3.0 + p.x * p.x + p.y * p.z + n.x);
+    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
+    let (smooth, surface) = (Smooth::new(&solution), SurfaceLight::new(&solution, &hierarchy));
+    for (element, ..) in elements(&solution) {
+        for k in 0..25 {
+            let within = DVec2::new(f64::from(k % 5), f64::from(k / 5)) / 4.0;
+            assert_eq!(surface.at(element, within), Some(smooth.at(element, within)), "element {element} at {within}");
+        }
+    }
+}
+
+#[test]
+fn a_place_has_no_light_from_behind_what_stands_on_its_element() {
+    // Four walls, 0.3 m wide, like a chimney in the middle of a floor of two elements by two: no sample lies in it.
+    let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\n\
+               v 1.8 1.8 -0.1\nv 2.1 1.8 -0.1\nv 2.1 2.1 -0.1\nv 1.8 2.1 -0.1\n\
+               v 1.8 1.8 2\nv 2.1 1.8 2\nv 2.1 2.1 2\nv 1.8 2.1 2\n\
+               usemtl grey\no floor\nf 1 2 3 4\no chimney\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\nf 8 5 9 12\n";
+    let mut solution = solve(&read(obj), 2.0, 1.0);
+    let light = |p: DVec3, _: DVec3| if p.x < 2.0 { 8.0 } else { 2.0 };
+    paint(&mut solution, light);
+    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
+    let surface = SurfaceLight::new(&solution, &hierarchy);
+    let at = |x: f64, y: f64| {
+        let (element, within) = floor_at(&solution, x, y);
+        surface.at(element, within).map(|light| light[0])
+    };
+    assert_eq!(at(1.95, 1.95), None, "inside the chimney");
+    assert_eq!(at(2.05, 2.05), None, "inside the chimney, on another element");
+    assert_eq!(at(1.0, 1.0), Some(8.0));
+    // Close to the chimney's left, the samples on its right are hidden.
+    let left = at(1.79, 1.95).unwrap();
+    assert!(left > 7.0, "{left}");
+}
+
+#[test]
+fn covered_places_and_cracks_have_no_light_though_their_element_has() {
+    // A floor of one element, and two boxes on it with a crack of 4 cm between them; all samples of the floor are open.
+    let mut obj = String::from("v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nusemtl grey\no floor\nf 1 2 3 4\n");
+    for (k, (low, high)) in [(1.6, 1.98), (2.02, 2.4)].into_iter().enumerate() {
+        let n = 4 + 8 * k;
+        for z in [0.0, 2.0] {
+            for (x, y) in [(low, 1.6), (high, 1.6), (high, 2.4), (low, 2.4)] {
+                obj += &format!("v {x} {y} {z}\n");
+            }
+        }
+        for face in [[5, 6, 7, 8], [1, 2, 6, 5], [2, 3, 7, 6], [3, 4, 8, 7], [4, 1, 5, 8]] {
+            obj += &format!("f {} {} {} {}\n", n + face[0], n + face[1], n + face[2], n + face[3]);
+        }
+    }
+    let mut solution = solve(&read(&obj), 4.0, 1.0);
+    paint(&mut solution, |_, _| 5.0);
+    let (element, _) = floor_at(&solution, 0.5, 0.5);
+    solution.mesh.valid[element as usize] = 0x000f;
+    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
+    let surface = SurfaceLight::new(&solution, &hierarchy);
+    let at = |x: f64, y: f64| surface.at(element, DVec2::new(x, y) / 4.0);
+    assert_eq!([at(0.3, 0.3), at(2.0, 1.0)], [Some([5.0; 3]); 2], "in the open");
+    assert_eq!([at(1.8, 2.0), at(2.3, 1.7)], [None; 2], "under the boxes");
+    assert_eq!(at(2.0, 2.0), None, "in the crack");
 }

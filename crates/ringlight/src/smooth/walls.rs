@@ -2,9 +2,9 @@
 
 use super::field::{Part, Side, element_of};
 use super::lattice::Lattice;
-use crate::mesh::{self, Mesh};
+use crate::mesh::{self, Mesh, Patch, Tile};
 use crate::quantity::{Rgb, photometric};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use ringlight_visibility::{Hierarchy, Ray};
 
 /// Elements whose light differs by less than this ratio are averaged without looking for a wall between them.
@@ -19,13 +19,13 @@ const LIFT: f64 = 0.05;
 /// Finds walls by rays just above the surface.
 pub struct Walls<'a> {
     mesh: &'a Mesh,
-    hierarchy: Hierarchy,
+    hierarchy: &'a Hierarchy,
 }
 
 impl<'a> Walls<'a> {
-    /// All occluders of a mesh.
-    pub fn new(mesh: &'a Mesh) -> Walls<'a> {
-        Walls { mesh, hierarchy: mesh::hierarchy(mesh) }
+    /// Among the occluders of a mesh.
+    pub fn new(mesh: &'a Mesh, hierarchy: &'a Hierarchy) -> Walls<'a> {
+        Walls { mesh, hierarchy }
     }
 
     /// Whether the light of the parts in the plane of facet `facet` differs so much that something may stand between them.
@@ -57,6 +57,29 @@ impl<'a> Walls<'a> {
         }
     }
 
+    /// Keeps the parts whose light is seen from `place`, parameters within cell `cell` of `side`. Parts in other planes stay
+    /// if any of this plane does.
+    pub fn keep_seen_from(&self, side: Side, cell: u32, place: DVec2, parts: &mut Vec<Part>) {
+        let facet = &self.mesh.facets[side.facet as usize];
+        let (frame, lattice) = (facet.frame(), Lattice::of(facet));
+        let tile = Tile::of(lattice.layout, lattice.size, cell);
+        let reach = frame.at(lattice.middle(cell)) - frame.at(tile.at(DVec2::ZERO));
+        let lift = LIFT * reach.length() * self.normal(side);
+        let from = frame.at(tile.at(place)) + lift;
+        let mut near = false;
+        parts.retain(|part| {
+            if self.mesh.facets[part.side.facet as usize].plane != facet.plane {
+                return true;
+            }
+            let seen = self.sample_point(part).is_some_and(|to| self.free(from, to + lift, facet.plane));
+            near |= seen;
+            seen
+        });
+        if !near {
+            parts.clear();
+        }
+    }
+
     fn normal(&self, side: Side) -> DVec3 {
         let normal = self.mesh.facets[side.facet as usize].frame().area_vector().normalize();
         if side.back { -normal } else { normal }
@@ -64,18 +87,26 @@ impl<'a> Walls<'a> {
 
     /// Where the light of a part was found; none if it was taken from neighbours.
     fn sample_point(&self, part: &Part) -> Option<DVec3> {
-        let facet = &self.mesh.facets[part.side.facet as usize];
         let element = element_of(self.mesh, part.side, part.cell);
-        let (first_patch, first_element) = if part.side.back {
-            (facet.first_back_patch, facet.first_back_element)
-        } else {
-            (facet.first_patch, facet.first_element)
-        };
-        let patch = self.mesh.patch(first_patch + (element - first_element) / facet.elements_per_patch());
+        let patch = patch_of(self.mesh, part.side, element);
         patch.sample_point(element - patch.first_element, self.mesh.valid[element as usize])
     }
 
+    /// Whether `place`, parameters within an element, is covered or lies in a crack while the element's light is from
+    /// outside.
+    pub fn hides(&self, side: Side, cell: u32, place: DVec2) -> bool {
+        let element = element_of(self.mesh, side, cell);
+        let patch = patch_of(self.mesh, side, element);
+        let k = element - patch.first_element;
+        let point = patch.frame.at(patch.element_tile(k).at(place));
+        let sample = patch.sample_point(k, self.mesh.valid[element as usize]);
+        sample.is_none_or(|sample| mesh::is_hidden_beside(self.mesh, self.hierarchy, &patch, point, sample))
+    }
+
     fn free(&self, from: DVec3, to: DVec3, plane: u32) -> bool {
+        if from == to {
+            return true;
+        }
         let ray = Ray {
             origin: from.as_vec3().to_array(),
             direction: (to - from).as_vec3().to_array(),
@@ -85,6 +116,17 @@ impl<'a> Walls<'a> {
         };
         self.hierarchy.nearest_hit(&ray).is_none()
     }
+}
+
+/// The patch that holds an element of a side.
+fn patch_of(mesh: &Mesh, side: Side, element: u32) -> Patch {
+    let facet = &mesh.facets[side.facet as usize];
+    let (first_patch, first_element) = if side.back {
+        (facet.first_back_patch, facet.first_back_element)
+    } else {
+        (facet.first_patch, facet.first_element)
+    };
+    mesh.patch(first_patch + (element - first_element) / facet.elements_per_patch())
 }
 
 /// The light of a corner that differs from that of the vertex it shares.

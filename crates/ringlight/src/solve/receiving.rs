@@ -106,7 +106,7 @@ impl Receiving<'_> {
             });
             let Slot { work, .. } = &mut self.slots[slot];
             shooting::collect(self.mesh, self.own[cluster] as usize, self.shot, work);
-            if work.points().is_empty() {
+            if work.packet().points().is_empty() {
                 self.free.push(slot);
                 continue;
             }
@@ -128,16 +128,16 @@ impl Part for Receiving<'_> {
         {
             let slot = self.filling[0];
             let Slot { work, sent, .. } = &mut self.slots[slot];
-            let points = work.points();
+            let points = work.packet().points();
             let range = *sent..points.len().min(*sent + self.packet_size - packet.masks.len());
             packet.x.extend_from_slice(&points.x[range.clone()]);
             packet.y.extend_from_slice(&points.y[range.clone()]);
             packet.z.extend_from_slice(&points.z[range.clone()]);
             packet.plane.extend_from_slice(&points.plane[range.clone()]);
-            packet.masks.extend_from_slice(&work.masks()[range.clone()]);
+            packet.masks.extend_from_slice(&work.packet().masks()[range.clone()]);
             segments.push(Segment { slot, first: range.start, count: range.len() });
             *sent = range.end;
-            if *sent == work.masks().len() {
+            if *sent == work.packet().masks().len() {
                 self.filling.pop_front();
             }
         }
@@ -163,10 +163,10 @@ impl Part for Receiving<'_> {
         for Segment { slot, first, count } in self.under_way.remove(&ticket).unwrap_or_default() {
             let Slot { cluster, work, home, .. } = &mut self.slots[slot];
             let (these, others) = masks.split_at(count);
-            work.masks_mut()[first..first + count].copy_from_slice(these);
+            work.packet().masks_mut()[first..first + count].copy_from_slice(these);
             masks = others;
             *home += count;
-            if *home == work.masks().len() {
+            if *home == work.packet().masks().len() {
                 let light = &mut self.light[*cluster];
                 shooting::add_received(self.mesh, self.own[*cluster] as usize, light, self.shot, work);
                 self.free.push(slot);

@@ -4,26 +4,39 @@ use super::{Picture, Scale};
 use font8x8::UnicodeFonts;
 
 /// Side of a letter before enlargement, pixels.
-const LETTER: i64 = 8;
+pub const LETTER: i64 = 8;
 
 /// Pictures get letters one times larger for every so many rows.
 const ROWS_PER_ENLARGEMENT: u32 = 400;
 
+/// A picture needs this many rows for a legend of several numbers.
+pub const LEAST_ROWS: u32 = 120;
+
 const WHITE: [u8; 3] = [255; 3];
+
+/// Columns that the legend of a picture with `height` rows takes.
+pub fn width(scale: &Scale, height: u32) -> u32 {
+    let labels = scale.marks().into_iter().map(label);
+    let longest = labels.chain([scale.unit.sign().into()]).map(|l| l.chars().count()).max().unwrap_or(0);
+    (LETTER * enlargement(height)) as u32 * (longest as u32 + 4)
+}
+
+fn enlargement(height: u32) -> i64 {
+    i64::from((height / ROWS_PER_ENLARGEMENT).max(1))
+}
 
 /// Draws a bar of the scale's colours with numbers and the unit on a dark strip along the right edge.
 pub fn draw(picture: &mut Picture, scale: &Scale) {
-    let enlargement = i64::from((picture.height / ROWS_PER_ENLARGEMENT).max(1));
+    let enlargement = enlargement(picture.height);
     let letter = LETTER * enlargement;
     let labels: Vec<(f64, String)> = scale.marks().into_iter().map(|m| (scale.position(m), label(m))).collect();
     let unit = scale.unit.sign();
-    let longest = labels.iter().map(|(_, l)| l.chars().count()).chain([unit.chars().count()]).max().unwrap_or(0);
-    let strip = letter * (longest as i64 + 4);
+    let strip = i64::from(width(scale, picture.height));
     let (left, rows) = (i64::from(picture.width) - strip, i64::from(picture.height));
     for (x, y) in (0..rows).flat_map(|y| (left..left + strip).map(move |x| (x, y))) {
         darken(picture, x, y);
     }
-    text(picture, [left + letter, letter], enlargement, unit);
+    text(picture, [left + letter, letter], enlargement, unit, WHITE);
     // Room for the unit above and half a letter at both ends.
     let (top, bottom) = (3 * letter, rows - 1 - letter);
     if bottom <= top {
@@ -40,7 +53,7 @@ pub fn draw(picture: &mut Picture, scale: &Scale) {
         (left + 2 * letter..left + 2 * letter + letter / 2).for_each(|x| set(picture, x, y, WHITE));
         // Numbers that would touch the one below are left out.
         if y + letter / 2 <= free {
-            text(picture, [left + 3 * letter, y - letter / 2], enlargement, &label);
+            text(picture, [left + 3 * letter, y - letter / 2], enlargement, &label, WHITE);
             free = y - letter / 2;
         }
     }
@@ -53,13 +66,14 @@ fn label(value: f64) -> String {
     if plain.len() <= 7 { plain } else { format!("{rounded:e}") }
 }
 
-fn text(picture: &mut Picture, [left, top]: [i64; 2], enlargement: i64, text: &str) {
+/// Writes text, its upper left corner at a pixel.
+pub fn text(picture: &mut Picture, [left, top]: [i64; 2], enlargement: i64, text: &str, colour: [u8; 3]) {
     for (k, letter) in text.chars().enumerate() {
         let glyph = font8x8::BASIC_FONTS.get(letter).or_else(|| font8x8::LATIN_FONTS.get(letter)).unwrap_or_default();
         let side = LETTER * enlargement;
         for (x, y) in (0..side).flat_map(|y| (0..side).map(move |x| (x, y))) {
             if glyph[(y / enlargement) as usize] >> (x / enlargement) & 1 == 1 {
-                set(picture, left + k as i64 * side + x, top + y, WHITE);
+                set(picture, left + k as i64 * side + x, top + y, colour);
             }
         }
     }

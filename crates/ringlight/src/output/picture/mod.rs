@@ -5,6 +5,7 @@
 
 mod false_colour;
 mod file;
+mod grid;
 mod legend;
 mod paint;
 #[cfg(test)]
@@ -14,6 +15,7 @@ mod tone;
 
 pub use false_colour::{FalseColour, Scale, Unit};
 pub use file::{write_exr, write_png};
+pub use grid::grid_picture;
 pub use tone::Tone;
 
 use super::{Exposure, View};

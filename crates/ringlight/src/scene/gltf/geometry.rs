@@ -118,6 +118,8 @@ pub(super) struct Source {
     pub primitive: u32,
     pub placement: u32,
     pub instance: u32,
+    /// Number of triangles of the surfaces before this one.
+    pub first_face: u64,
 }
 
 /// All surfaces of a glTF file.
@@ -163,6 +165,7 @@ impl Geometry for GltfGeometry {
                     triangle.colour[slot] = colour(colours, vertex);
                 }
             }
+            triangle.face = source.first_face.saturating_add(number as u64);
             sink(triangle);
         }
         Ok(())

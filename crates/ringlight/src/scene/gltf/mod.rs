@@ -178,6 +178,10 @@ impl Builder<'_, '_> {
         for instance in 0..instance_count as u32 {
             for &primitive in &primitives {
                 let Some(shown) = find(&self.geometry.primitives, primitive) else { continue };
+                let first_face = match (self.geometry.sources.last(), self.surfaces.last()) {
+                    (Some(last), Some(surface)) => last.first_face.saturating_add(surface.triangles),
+                    _ => 0,
+                };
                 let name =
                     known_name.map_or_else(|| format!("surface {}", self.surfaces.len()), |name| name.to_owned());
                 self.surfaces.push(Surface {
@@ -188,7 +192,7 @@ impl Builder<'_, '_> {
                     has_colours: shown.colours.is_some(),
                     place: Place::new(self.name, shown.path.as_str()),
                 });
-                self.geometry.sources.push(Source { primitive, placement, instance });
+                self.geometry.sources.push(Source { primitive, placement, instance, first_face });
             }
         }
         Ok(())

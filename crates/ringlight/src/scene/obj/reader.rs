@@ -26,6 +26,8 @@ pub(super) struct Reader<'a> {
     pub(super) warnings: Warnings,
     names: Names,
     triangulator: Triangulator,
+    /// Number of `f` statements so far.
+    faces: u32,
     face: Vec<[u32; 2]>,
     corners: Vec<[f64; 3]>,
 }
@@ -49,6 +51,8 @@ pub(super) struct Part {
     pub(super) place: Place,
     /// Indices into the positions.
     pub(super) triangles: Vec<[u32; 3]>,
+    /// For each triangle the number of its `f` statement in the file.
+    pub(super) faces: Vec<u32>,
     /// Empty, or for each triangle indices into the texture coordinates, or [`NONE`].
     pub(super) coordinates: Vec<[u32; 3]>,
 }
@@ -86,6 +90,7 @@ impl<'a> Reader<'a> {
             warnings: Warnings::default(),
             names: Names::default(),
             triangulator: Triangulator::default(),
+            faces: 0,
             face: Vec::new(),
             corners: Vec::new(),
         };
@@ -174,6 +179,8 @@ impl<'a> Reader<'a> {
 
     /// `f v[/[vt][/vn]] …`.
     fn face(&mut self, at: At<'_>, rest: &[u8]) -> Result<(), SceneError> {
+        let number = self.faces;
+        self.faces = number.checked_add(1).ok_or_else(|| at.error("one face too many", "fewer than 2^32"))?;
         self.face.clear();
         self.corners.clear();
         for word in words(rest) {
@@ -195,7 +202,7 @@ impl<'a> Reader<'a> {
             None => self.find_part(at),
         };
         self.names.part = Some(part);
-        let Part { triangles, coordinates, .. } = &mut self.parts[part];
+        let Part { triangles, faces, coordinates, .. } = &mut self.parts[part];
         let has_coordinates = self.face.iter().any(|corner| corner[1] != NONE);
         if has_coordinates {
             coordinates.resize(triangles.len(), [NONE; 3]);
@@ -204,6 +211,7 @@ impl<'a> Reader<'a> {
         self.triangulator.triangulate(&self.corners, |triangle| {
             let corners = triangle.map(|corner| self.face[corner as usize]);
             triangles.push(corners.map(|corner| corner[0]));
+            faces.push(number);
             if keeps_coordinates {
                 coordinates.push(corners.map(|corner| corner[1]));
             }
@@ -224,8 +232,8 @@ impl<'a> Reader<'a> {
             }
         };
         *self.names.parts.entry((node, material)).or_insert_with(|| {
-            let (triangles, coordinates) = Default::default();
-            self.parts.push(Part { node, material, place: at.place(), triangles, coordinates });
+            let (triangles, faces, coordinates) = Default::default();
+            self.parts.push(Part { node, material, place: at.place(), triangles, faces, coordinates });
             self.parts.len() - 1
         })
     }

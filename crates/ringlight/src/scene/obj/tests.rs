@@ -63,6 +63,8 @@ fn objects_groups_and_materials_become_nodes_and_surfaces() {
     assert_eq!(nodes, [("table", None), ("legs", Some(0))]);
     let surfaces: Vec<_> = scene.surfaces.iter().map(|s| (s.name.as_str(), s.node, s.material, s.triangles)).collect();
     assert_eq!(surfaces, [("table", 0, 0, 2), ("legs", 1, 1, 4)]);
+    let faces = |surface| triangles(&scene, surface).iter().map(|triangle| triangle.face).collect::<Vec<_>>();
+    assert_eq!((faces(0), faces(1)), (vec![0, 4], vec![1, 1, 2, 3]));
     assert_eq!(scene.surfaces[1].place.to_string(), "folder/scene.obj: line 16");
     assert_eq!(scene.materials[1].base_colour, [0.5, 0.5, 0.5, 1.0]);
     assert!(scene.materials.iter().all(|material| material.double_sided));

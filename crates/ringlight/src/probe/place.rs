@@ -1,0 +1,203 @@
+//! Where a probe stands: on which surfaces, on which side of them, and whether inside things.
+//!
+//! A point within δ, 2·10⁻⁵ of the scene's diagonal, of a surface lies *on* it: 0.2 mm in a room of 10 m. Such a point is
+//! put to where light can be computed:
+//!
+//! - on a surface in whose plane it lies (normals parallel to 2.5°) it is moved exactly into the plane, and what lies in
+//!   that plane does not block it;
+//! - off a surface that is tilted against it, to δ from the surface, on the side to which its normal looks;
+//! - off walls that it touches at an edge or in a corner (normals more than 84° from its own), to δ from the wall, on the
+//!   side where it stays on its own surface and is not inside things.
+
+use super::nearest::closest_on_facet;
+use crate::mesh::{Facet, Mesh, RELATIVE_TOLERANCE, Tile};
+use crate::shooting::{radiosity, sine_cosine};
+use crate::smooth::places::Places;
+use crate::solution::Solution;
+use glam::{DVec2, DVec3};
+use ringlight_visibility::{Hierarchy, NO_PLANE, Ray};
+
+/// A receiving point, mesh coordinates, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Position.
+    pub point: DVec3,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Plane id of the surface on which it lies, or [`NO_PLANE`].
+    pub plane: u32,
+}
+
+/// A place on a facet's side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// Number of the element.
+    pub element: u32,
+    /// Number of the patch.
+    pub patch: u32,
+    /// Parameters within the element.
+    pub within: DVec2,
+    /// Whether other geometry covers it.
+    pub covered: bool,
+}
+
+/// Cosine above which a normal is a surface's own.
+const SAME: f64 = 0.999;
+
+/// Cosine below which a surface is a wall beside the point.
+const WALL: f64 = 0.1;
+
+/// Walls that a point can touch at once: those of a corner.
+const MOST_WALLS: usize = 3;
+
+/// Rays that look whether a point is inside things, and how many of them must see something lit, or nothing at all.
+const RAYS: u32 = 64;
+const ENOUGH: u32 = RAYS / 8;
+
+/// What is around points.
+pub struct Surroundings<'a> {
+    pub solution: &'a Solution,
+    pub hierarchy: &'a Hierarchy,
+    pub places: Places<'a>,
+    /// Points that are nearer than this to a surface lie on it, metres.
+    pub touch: f64,
+}
+
+/// A surface that a point touches.
+struct Touched {
+    facet: u32,
+    plane: u32,
+    /// Unit normal of the facet's front.
+    normal: DVec3,
+    /// Distance from the facet, metres.
+    distance: f64,
+    /// Height above the facet's plane, metres.
+    height: f64,
+}
+
+impl<'a> Surroundings<'a> {
+    pub fn new(solution: &'a Solution, hierarchy: &'a Hierarchy) -> Surroundings<'a> {
+        let places = Places::new(&solution.mesh);
+        Surroundings { solution, hierarchy, places, touch: 10.0 * RELATIVE_TOLERANCE * solution.mesh.diagonal }
+    }
+
+    fn mesh(&self) -> &'a Mesh {
+        &self.solution.mesh
+    }
+
+    /// Where a point with a unit normal stands; None if inside things.
+    pub fn stand(&self, point: DVec3, normal: DVec3) -> Option<Place> {
+        let mut touched = self.touched(point);
+        let mut place = Place { point, normal, plane: NO_PLANE };
+        let own = touched.iter().position(|t| t.normal.dot(normal).abs() > SAME).map(|k| touched.remove(k));
+        if let Some(own) = &own {
+            place.point -= own.height * own.normal;
+            place.plane = own.plane;
+        }
+        let mut walls = Vec::new();
+        for t in touched.iter().filter(|t| t.plane != place.plane) {
+            let cosine = t.normal.dot(normal);
+            if cosine.abs() > WALL {
+                place.point += (self.touch - t.height * cosine.signum()) * cosine.signum() * t.normal;
+            } else if walls.len() < MOST_WALLS {
+                walls.push(t);
+            }
+        }
+        // Of all ways round the walls the first that stays on the point's own surface, and of these one not inside things.
+        let ways = (0..1u32 << walls.len()).map(|way| {
+            let push = walls.iter().enumerate().fold(DVec3::ZERO, |sum, (k, wall)| {
+                // First the front; or the side on which the point clearly is.
+                let first = if wall.height < -self.touch / 4.0 { -1.0 } else { 1.0 };
+                let side = if way >> k & 1 == 0 { first } else { -first };
+                sum + (side * self.touch - wall.height) * wall.normal
+            });
+            let place = Place { point: place.point + push, ..place };
+            let leaves = own.as_ref().is_some_and(|own| {
+                let facet = &self.mesh().facets[own.facet as usize];
+                (closest_on_facet(facet, place.point).1 - place.point).length() > self.touch / 2.0
+            });
+            (leaves, self.is_inside(&place), place)
+        });
+        let (_, inside, place) = ways.min_by_key(|&(leaves, inside, _)| (leaves, inside))?;
+        (!inside).then_some(place)
+    }
+
+    /// The surfaces on which a point lies, nearest first, one for each plane.
+    fn touched(&self, point: DVec3) -> Vec<Touched> {
+        let mut found = Vec::new();
+        self.places.visit(point, self.touch, &mut |number| {
+            let facet = &self.mesh().facets[number as usize];
+            let (normal, closest) = closest_on_facet(facet, point);
+            let distance = (closest - point).length();
+            if distance <= self.touch {
+                let height = normal.dot(point - closest);
+                found.push(Touched { facet: number, plane: facet.plane, normal, distance, height });
+            }
+        });
+        found.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.facet.cmp(&b.facet)));
+        let mut planes = Vec::new();
+        found.retain(|t| {
+            !planes.contains(&t.plane) && {
+                planes.push(t.plane);
+                true
+            }
+        });
+        found
+    }
+
+    /// Whether nearly all that a place sees, weighted by cosine, are unlit backs, covered surfaces, or surfaces without
+    /// light.
+    pub fn is_inside(&self, place: &Place) -> bool {
+        let n = place.normal;
+        let (t, b) = n.any_orthonormal_pair();
+        let mut open = 0;
+        for i in 0..RAYS {
+            // Malley's method on a golden spiral.
+            let share = (f64::from(i) + 0.5) / f64::from(RAYS);
+            let (s, c) = sine_cosine((f64::from(i) * 0.618_033_988_749_894_9).fract());
+            let direction = share.sqrt() * (c * t + s * b) + (1.0 - share).sqrt() * n;
+            open += u32::from(self.sees_light(place, direction));
+            if open >= ENOUGH {
+                return false;
+            }
+        }
+        true
+    }
+
+    fn sees_light(&self, place: &Place, direction: DVec3) -> bool {
+        let ray = Ray {
+            origin: place.point.as_vec3().to_array(),
+            direction: direction.as_vec3().to_array(),
+            near: 0.0,
+            far: f32::INFINITY,
+            plane: place.plane,
+        };
+        let Some(hit) = self.hierarchy.nearest_hit(&ray) else { return true };
+        let number = hit.triangle >> 1;
+        let facet = &self.mesh().facets[number as usize];
+        if !hit.front && !facet.double_sided() {
+            return false;
+        }
+        let spot = self.spot(facet, !hit.front, place.point + f64::from(hit.distance) * direction);
+        let patch = self.mesh().patch(spot.patch);
+        let light = self.solution.light(spot.element);
+        !spot.covered
+            && (light.mean().iter().any(|&e| e > 0.0)
+                || radiosity(self.mesh(), &patch, spot.element, light).iter().any(|&b| b > 0.0))
+    }
+
+    /// The place on a facet's side that is nearest to `point`.
+    pub fn spot(&self, facet: &Facet, back: bool, point: DVec3) -> Spot {
+        let at = facet.frame().parameters(point).clamp(DVec2::ZERO, DVec2::ONE);
+        let (k, within) = facet.find_element(at);
+        let within = within.clamp(DVec2::ZERO, DVec2::ONE);
+        let (patch, element) = match back {
+            true => (facet.first_back_patch, facet.first_back_element),
+            false => (facet.first_patch, facet.first_element),
+        };
+        let element = element + k;
+        let sample = Tile::find(facet.layout(), [4, 4], within).0;
+        let covered = self.mesh().valid[element as usize] >> sample & 1 == 0;
+        Spot { element, patch: patch + k / facet.elements_per_patch(), within, covered }
+    }
+}

@@ -1,0 +1,84 @@
+//! Light at any place of a surface: as it is displayed, but not from behind what stands there.
+//!
+//! Corners know walls where they matter to the eye; a place inside an element may lie beyond one all the same, as under the
+//! leg of a chair. So the samples around a place are asked one by one whether it sees them.
+
+use super::fan::Fan;
+use super::field::{self, Field, Part, Side, Work};
+use super::lattice::Lattice;
+use super::walls::Walls;
+use crate::mesh::{self, Frame};
+use crate::quantity::Rgb;
+use crate::solution::Solution;
+use glam::DVec2;
+use ringlight_visibility::Hierarchy;
+
+/// Light of a solution's surfaces at any place.
+pub struct SurfaceLight<'a> {
+    solution: &'a Solution,
+    field: Field<'a>,
+    walls: Walls<'a>,
+}
+
+impl<'a> SurfaceLight<'a> {
+    /// Of a solution whose mesh's occluders are in `hierarchy`.
+    pub fn new(solution: &'a Solution, hierarchy: &'a Hierarchy) -> SurfaceLight<'a> {
+        SurfaceLight { solution, field: Field::new(solution), walls: Walls::new(&solution.mesh, hierarchy) }
+    }
+
+    /// Irradiance at parameters `within` of an element, W/m² or lux. None where no light is known: where other geometry
+    /// covers the surface and it takes no light (under a box, in the crack between two books), and where no sample around
+    /// is seen.
+    pub fn at(&self, element: u32, within: DVec2) -> Option<Rgb> {
+        let mesh = &self.solution.mesh;
+        let (side, cell) = field::locate(mesh, element);
+        let facet = &mesh.facets[side.facet as usize];
+        let lattice = Lattice::of(facet);
+        if self.walls.hides(side, cell, within) {
+            return None;
+        }
+        let vertices = lattice.corners(cell);
+        let mut work = Work::default();
+        let corners = vertices.map(|vertex| {
+            self.field.collect(side, vertex, false, &mut work);
+            let around = work.parts.len();
+            self.walls.keep_seen_from(side, cell, within, &mut work.parts);
+            match work.parts.len() {
+                0 => None,
+                seen if seen < around => Some(field::mean(&work.parts)),
+                _ => Some(self.field.blend(facet.frame().at(lattice.parameters(vertex)), &work.parts)),
+            }
+        });
+        match self.own(element, side, cell, within) {
+            Some((light, middle)) => {
+                let corners = corners.map(|corner| corner.unwrap_or(light));
+                Some(Fan { layout: lattice.layout, corners, middle, light }.at(within))
+            }
+            None => mean(&corners, Frame::corner_weights(lattice.layout, within)),
+        }
+    }
+
+    /// The light at the element's own sample point and where that is, if it is seen from `within`.
+    fn own(&self, element: u32, side: Side, cell: u32, within: DVec2) -> Option<(Rgb, DVec2)> {
+        let light = field::known(self.solution, element)?;
+        let mut parts = vec![Part { side, cell, light, weight: 1.0 }];
+        self.walls.keep_seen_from(side, cell, within, &mut parts);
+        let layout = self.solution.mesh.facets[side.facet as usize].layout();
+        let middle = mesh::sample_parameters(layout, self.solution.mesh.valid[element as usize])?;
+        (!parts.is_empty()).then_some((light, middle))
+    }
+}
+
+/// Weighted mean of those corners that have light.
+fn mean(corners: &[Option<Rgb>; 4], weights: [f64; 4]) -> Option<Rgb> {
+    let (mut sum, mut total) = ([0.0; 3], 0.0);
+    for (corner, weight) in corners.iter().zip(weights) {
+        if let Some(light) = corner {
+            // A place at one corner may have light only from another.
+            let weight = weight.max(1e-6);
+            (0..3).for_each(|c| sum[c] += weight * f64::from(light[c]));
+            total += weight;
+        }
+    }
+    (total > 0.0).then(|| sum.map(|s| (s / total) as f32))
+}
