@@ -134,7 +134,7 @@ fn gathered_light_equals_the_solvers_own() {
 fn light_of_a_lamp_behind_a_table_is_that_of_its_visible_part() {
     let solution = solve(&read(&(room("black") + LAMP + TABLE)), 0.5, 0.01);
     let points: Vec<Point> =
-        (0..24).map(|k| at([0.15 + 0.16 * f64::from(k), 0.0, 2.3 + 0.05 * f64::from(k)], [0.0, 1.0, 0.0])).collect();
+        (0..24).map(|k| at([0.44 + 0.015 * f64::from(k), 0.0, 2.3 + 0.05 * f64::from(k)], [0.0, 1.0, 0.0])).collect();
     let (mut partly, mut squares) = (0, 0.0f64);
     for (point, reading) in points.iter().zip(gathered(&solution, &points)) {
         // The table's shadow on the plane of the lamp is a rectangle, and so is what it takes of the lamp.
