@@ -4,7 +4,7 @@ use crate::workshop::Workshop;
 use predicates::prelude::*;
 use predicates::str::contains;
 
-const POINTS: &str = "name,x,y,z,nx,ny,nz\nfloor,0.3,0,0.3,0,2,0\ntable,1,0.75,1,0,1,0\nwall,-0.4,1,1,1,0,0\n";
+const POINTS: &str = "name,x,y,z,nx,ny,nz\nfloor,0.3,0,0.3,0,2,0\ntable,1,0.75,1,0,1,0\nwall,-0.2,1,1,1,0,0\n";
 
 fn baked() -> Workshop {
     let workshop = Workshop::new();
@@ -21,9 +21,10 @@ fn rows(workshop: &Workshop, name: &str) -> Vec<Vec<String>> {
 #[test]
 fn points_come_back_with_their_light_and_status_whatever_the_threads() {
     let workshop = baked();
-    for how in ["gather", "surface"] {
+    for (how, more) in [("gather", ""), ("surface", "--reach 0.1")] {
         let run = |out: &str, threads: &str| {
-            let verb = format!("probe box.ringlight --points points.csv --how {how} --threads {threads} -o {out}");
+            let verb =
+                format!("probe box.ringlight --points points.csv --how {how} {more} --threads {threads} -o {out}");
             workshop.ringlight(&verb).assert().code(0).stderr(contains("1 of 3 points"));
         };
         run(&format!("{how}1.csv"), "1");

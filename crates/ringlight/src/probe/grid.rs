@@ -70,9 +70,7 @@ impl FromStr for GridRequest {
             Some(more) => return Err(format!("found {} corners; expected 2 or 3", more.len())),
         };
         match &area {
-            Area::Parallelogram { u, v, .. } if u.cross(*v).length() <= 0.0 => {
-                Err("the corners enclose no area".into())
-            }
+            Area::Parallelogram { u, v, .. } if u.cross(*v) == DVec3::ZERO => Err("the corners enclose no area".into()),
             _ => Ok(GridRequest { area, spacing }),
         }
     }
