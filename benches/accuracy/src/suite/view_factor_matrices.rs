@@ -113,8 +113,8 @@ fn self_consistent(name: &str, matrix: &Matrix, closed: Option<f64>, section: &m
     }
     let Reciprocity { pairs, within_estimate, relative_rms, .. } = matrix.reciprocity;
     let outside = (pairs - within_estimate) as f64 / pairs as f64;
-    row("share of pairs whose reciprocity is off by more than the estimates", 0.05, outside, Bound::AtMost);
-    row("reciprocity, rms", 2e-2, relative_rms, Bound::AtMost);
+    row("share of pairs whose reciprocity is off by more than estimates and floor", 0.05, outside, Bound::AtMost);
+    row("reciprocity of the larger factors, rms", 1e-2, relative_rms, Bound::AtMost);
 }
 
 fn matrix(scene: &Scene, tolerance: Tolerance) -> Matrix {

@@ -80,13 +80,15 @@ impl<'a> Auditor<'a> {
 pub struct Reciprocity {
     /// Pairs in the sample.
     pub pairs: u64,
-    /// Root mean square of |A₁F₁₂ − A₂F₂₁| as a share of the larger.
+    /// Pairs whose factor, seen from the smaller polygon, is so large that the relative tolerance is in force.
+    pub large: u64,
+    /// Root mean square over those of |A₁F₁₂ − A₂F₂₁| as a share of the larger.
     pub relative_rms: f64,
-    /// The largest share.
+    /// The largest share over those.
     pub relative_largest: f64,
     /// The largest difference as a factor seen from the smaller polygon.
     pub factor_largest: f64,
-    /// Pairs whose difference is within the sum of the two estimates.
+    /// Pairs whose difference is within the sum of the two estimates, or below the absolute tolerance.
     pub within_estimate: u64,
 }
 
@@ -107,14 +109,18 @@ pub fn reciprocity(faces: &Faces, occluders: &Occluders, tolerance: &Tolerance, 
     let found: Vec<_> = computed.sample.par_iter().map_init(Work::default, both_ways).collect();
     let mut audit = Reciprocity { pairs: found.len() as u64, ..Reciprocity::default() };
     for (there, back, area) in &found {
-        let difference = (there.area - back.area).abs();
-        let share = if difference == 0.0 { 0.0 } else { difference / there.area.max(back.area) };
-        audit.relative_rms += share * share / found.len() as f64;
-        audit.relative_largest = audit.relative_largest.max(share);
+        let (difference, larger) = ((there.area - back.area).abs(), there.area.max(back.area));
+        let floor = tolerance.absolute * area;
+        if tolerance.relative * larger >= floor {
+            let share = difference / larger;
+            audit.large += 1;
+            audit.relative_rms += share * share;
+            audit.relative_largest = audit.relative_largest.max(share);
+        }
         audit.factor_largest = audit.factor_largest.max(difference / area);
-        audit.within_estimate += u64::from(difference <= there.error + back.error);
+        audit.within_estimate += u64::from(difference <= floor.max(there.error + back.error));
     }
-    Reciprocity { relative_rms: audit.relative_rms.sqrt(), ..audit }
+    Reciprocity { relative_rms: (audit.relative_rms / audit.large.max(1) as f64).sqrt(), ..audit }
 }
 
 /// A polygon cut across its longest edge, this share of it from its start.
