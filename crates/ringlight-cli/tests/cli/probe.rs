@@ -21,9 +21,10 @@ fn rows(workshop: &Workshop, name: &str) -> Vec<Vec<String>> {
 #[test]
 fn points_come_back_with_their_light_and_status_whatever_the_threads() {
     let workshop = baked();
-    for how in ["gather", "surface"] {
+    for (how, more) in [("gather", ""), ("surface", "--reach 0.1")] {
         let run = |out: &str, threads: &str| {
-            let verb = format!("probe box.ringlight --points points.csv --how {how} --threads {threads} -o {out}");
+            let verb =
+                format!("probe box.ringlight --points points.csv --how {how} {more} --threads {threads} -o {out}");
             workshop.ringlight(&verb).assert().code(0).stderr(contains("1 of 3 points"));
         };
         run(&format!("{how}1.csv"), "1");
@@ -72,9 +73,11 @@ fn grids_tell_their_uniformity_and_are_drawn() {
     let plane = "probe box.ringlight --grid -0.5,0.8,0;2,0.8,2@0.5 --quiet -o plane.csv";
     workshop.ringlight(plane).assert().code(0).stdout("");
     let rows = rows(&workshop, "plane.csv");
-    // The column of cells outside of the room.
-    assert_eq!(rows.iter().filter(|r| r[10] == "inside").count(), 4);
-    assert_eq!(rows.iter().filter(|r| r[10] == "ok").count(), 16);
+    // The first column lies outside of the room, in the open, where there is no light.
+    assert!(rows[1..].iter().all(|r| r[10] == "ok" && (r[0] == "-0.25") == (r[9] == "0.0")), "{rows:?}");
+    // Behind the ceiling, looking into it.
+    let above = "probe box.ringlight --grid 0,2.1,0;2,2.1,0;0,2.1,2@0.5";
+    workshop.ringlight(above).assert().code(0).stdout(contains("0 (16 more have no light: 16 inside)"));
 }
 
 #[test]

@@ -11,11 +11,11 @@ use super::sides::Sides;
 use super::{Point, Reading, Status};
 use crate::form_factor::contour;
 use crate::mesh::{Mesh, Patch, Tile};
-use crate::shooting::{self, Emitter, Field, Packet, PatchSource, Shoot, Shot, Source, WHOLE, radiosity};
+use crate::shooting::{self, Emitter, FAR, Field, Packet, PatchSource, Shoot, Shot, Source, WHOLE, radiosity};
 use crate::solution::Solution;
 use glam::DVec3;
 use rayon::prelude::*;
-use ringlight_visibility::{Cells, Hierarchy};
+use ringlight_visibility::{Cells, Hierarchy, Points, Shooter};
 
 /// How finely light is gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +34,9 @@ impl Default for GatherOptions {
 
 /// Points that share their shots.
 const CHUNK: usize = 64;
+
+/// Points of a patch's border that tell whether shadows cross it.
+const BORDER: u32 = 64;
 
 /// A patch is cut in four at most this many times in a row.
 const DEEPEST: u32 = 6;
@@ -186,7 +189,8 @@ impl<'a> Gatherer<'a> {
         for (k, points) in by_side.iter().enumerate().filter(|(_, points)| !points.is_empty()) {
             let side = 1 << k;
             if side == self.side {
-                self.add_part(chunk, &field, field.scale(), WHOLE, (points, &vec![Sides::NONE; points.len()]), 0);
+                let sides = self.suspect(chunk, &patch, points);
+                self.add_part(chunk, &field, field.scale(), WHOLE, (points, &sides), 0);
             } else {
                 let lit = chunk.receive(&field.shot(side, Shoot::Elements, 0.0), points, self.hierarchy);
                 chunk.add(&lit, &[]);
@@ -198,6 +202,31 @@ impl<'a> Gatherer<'a> {
     fn side_for(&self, share: f64, straddles: bool) -> u32 {
         let error = |side: u32| if straddles { share } else { share * shadow_error(side) };
         [1, 2, 4].into_iter().find(|&side| side < self.side && error(side) <= self.tolerance).unwrap_or(self.side)
+    }
+
+    /// All sides for those of `points` that see a part of the border of a patch only: an edge of shadow may run between it
+    /// and the outermost cells.
+    fn suspect(&self, chunk: &Chunk<'_>, patch: &Patch, points: &[u32]) -> Vec<Sides> {
+        let (corners, count) = patch.frame.corners();
+        let border = (0..BORDER).map(|k| {
+            let along = f64::from(k * count as u32) / f64::from(BORDER);
+            let edge = along as usize;
+            corners[edge].lerp(corners[(edge + 1) % count], along.fract()).as_vec3().to_array()
+        });
+        let border: Vec<[f32; 3]> = border.collect();
+        let above = |place: &Place| {
+            let rises = |p: &[f32; 3]| place.normal.dot(DVec3::from(p.map(f64::from)) - place.point) > 0.0;
+            border.iter().enumerate().fold(0u64, |mask, (k, p)| mask | u64::from(rises(p)) << k)
+        };
+        let places = || points.iter().map(|&i| &chunk.places[i as usize]);
+        let whole: Vec<u64> = places().map(above).collect();
+        let mut seen = whole.clone();
+        let [x, y, z] = [0, 1, 2].map(|axis| places().map(|p| p.point.as_vec3()[axis]).collect::<Vec<f32>>());
+        let plane: Vec<u32> = places().map(|p| p.plane).collect();
+        let shooter = Shooter { cells: Cells::Points(border.clone()), plane: patch.plane, far: FAR };
+        self.hierarchy.clear_blocked(&shooter, Points { x: &x, y: &y, z: &z, plane: &plane }, &mut seen);
+        let sides = seen.iter().zip(&whole).map(|(&s, &w)| if s == w || s == 0 { Sides::NONE } else { Sides::ALL });
+        sides.collect()
     }
 
     /// Adds what the part of a patch over `tile` gives to `points`, which come with the sides of the part along which an edge

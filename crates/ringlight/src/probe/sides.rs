@@ -13,7 +13,8 @@ pub struct Sides(u8);
 impl Sides {
     /// No side.
     pub const NONE: Sides = Sides(0);
-    const ALL: Sides = Sides(0b1111);
+    /// Every side.
+    pub const ALL: Sides = Sides(0b1111);
 
     /// The sides of quarter `quarter` (its tile's number) of a part with these sides and `side`² cells, of which `seen` are
     /// seen.

@@ -15,4 +15,4 @@ pub use field::{Field, WHOLE};
 pub use light::{ClusterLight, ElementLight, PatchLight, radiosity, unshot_power, unshot_radiosity};
 pub use packet::Packet;
 pub use receive::{Work, receive};
-pub use shot::{CellLight, PatchSource, Shoot, Shot, Source, patch_shot};
+pub use shot::{CellLight, FAR, PatchSource, Shoot, Shot, Source, patch_shot};
