@@ -161,7 +161,7 @@ def main():
             done = {tuple(row[k] for k in SETTINGS) for row in csv.DictReader(file)}
     fresh = not os.path.exists(path)
     with open(path, "a", newline="") as file:
-        table = csv.DictWriter(file, COLUMNS)
+        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         if fresh:
             table.writeheader()
         for series, settings in runs(arguments.set, arguments.only):
