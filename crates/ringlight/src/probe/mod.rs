@@ -36,7 +36,7 @@ pub enum Status {
     /// Yes.
     Ok,
     /// The point lies inside solid geometry or behind surfaces: nearly all that it sees are unlit backs, surfaces covered
-    /// by others, or surfaces that no light reaches.
+    /// by others, or surfaces that no light reaches (backs of two-sided surfaces: hardly any light).
     Inside,
     /// No surface that faces the same way is near enough.
     Far,

@@ -11,7 +11,8 @@
 
 use super::nearest::closest_on_facet;
 use crate::mesh::{Facet, Mesh, RELATIVE_TOLERANCE, Tile};
-use crate::shooting::{radiosity, sine_cosine};
+use crate::quantity::Rgb;
+use crate::shooting::sine_cosine;
 use crate::smooth::places::Places;
 use crate::solution::Solution;
 use glam::{DVec2, DVec3};
@@ -54,6 +55,10 @@ const MOST_WALLS: usize = 3;
 const RAYS: u32 = 64;
 const ENOUGH: u32 = RAYS / 8;
 
+/// Surfaces of two lit sides that are seen from the geometric back and have less than this share of the median irradiance
+/// are the inside of something: a wall or a box.
+const DIM: f64 = 0.01;
+
 /// What is around points.
 pub struct Surroundings<'a> {
     pub solution: &'a Solution,
@@ -61,6 +66,8 @@ pub struct Surroundings<'a> {
     pub places: Places<'a>,
     /// Points that are nearer than this to a surface lie on it, metres.
     pub touch: f64,
+    /// Irradiance, summed over channels, that a surface seen from its geometric back has at least if it is lit.
+    dim: f64,
 }
 
 /// A surface that a point touches.
@@ -78,7 +85,8 @@ struct Touched {
 impl<'a> Surroundings<'a> {
     pub fn new(solution: &'a Solution, hierarchy: &'a Hierarchy) -> Surroundings<'a> {
         let places = Places::new(&solution.mesh);
-        Surroundings { solution, hierarchy, places, touch: 10.0 * RELATIVE_TOLERANCE * solution.mesh.diagonal }
+        let touch = 10.0 * RELATIVE_TOLERANCE * solution.mesh.diagonal;
+        Surroundings { solution, hierarchy, places, touch, dim: DIM * median_irradiance(solution) }
     }
 
     fn mesh(&self) -> &'a Mesh {
@@ -181,9 +189,11 @@ impl<'a> Surroundings<'a> {
         let spot = self.spot(facet, !hit.front, place.point + f64::from(hit.distance) * direction);
         let patch = self.mesh().patch(spot.patch);
         let light = self.solution.light(spot.element);
-        !spot.covered
-            && (light.mean().iter().any(|&e| e > 0.0)
-                || radiosity(self.mesh(), &patch, spot.element, light).iter().any(|&b| b > 0.0))
+        let exitance = self.mesh().colour(&patch, spot.element).exitance;
+        // Boxes that stand on a floor without a bottom of their own get some light through elements of the floor that
+        // are covered in part.
+        let least = if hit.front { 0.0 } else { self.dim };
+        !spot.covered && (sum(light.mean()) > least || sum(exitance) > 0.0)
     }
 
     /// The place on a facet's side that is nearest to `point`.
@@ -200,4 +210,19 @@ impl<'a> Surroundings<'a> {
         let covered = self.mesh().valid[element as usize] >> sample & 1 == 0;
         Spot { element, patch: patch + k / facet.elements_per_patch(), within, covered }
     }
+}
+
+fn sum(rgb: Rgb) -> f64 {
+    rgb.iter().map(|&x| f64::from(x)).sum()
+}
+
+/// Median irradiance of the elements that have any, summed over channels; 0 if none has.
+fn median_irradiance(solution: &Solution) -> f64 {
+    let elements = solution.state.clusters.iter().flat_map(|c| &c.elements);
+    let mut lit: Vec<f64> = elements.map(|e| sum(e.mean())).filter(|&e| e > 0.0).collect();
+    if lit.is_empty() {
+        return 0.0;
+    }
+    let middle = lit.len() / 2;
+    *lit.select_nth_unstable_by(middle, f64::total_cmp).1
 }

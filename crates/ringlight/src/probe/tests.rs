@@ -101,6 +101,23 @@ fn statuses() {
     }
 }
 
+#[test]
+fn points_in_a_box_without_a_bottom_are_inside_though_its_faces_have_two_lit_sides() {
+    // It stands across elements of the floor, which are lit in part.
+    let cube = "v 1.1 0 1.1\nv 1.95 0 1.1\nv 1.95 0 1.95\nv 1.1 0 1.95\nv 1.1 .9 1.1\nv 1.95 .9 1.1\nv 1.95 .9 1.95\n\
+        v 1.1 .9 1.95\nusemtl grey\no cube\nf -4 -1 -2 -3\nf -8 -4 -3 -7\nf -5 -6 -2 -1\nf -8 -5 -1 -4\nf -7 -3 -2 -6\n";
+    let solution = solve(&read(&(room("grey") + LAMP + cube)), 0.25, 0.01);
+    for x in [1.13, 1.3, 1.5, 1.9] {
+        for y in [0.0, 0.2, 0.6, 0.88] {
+            let inner = at([x, y, 1.4], [0.0, 1.0, 0.0]);
+            assert_eq!(gathered(&solution, &[inner])[0].status, Status::Inside, "{inner:?}");
+        }
+    }
+    for outer in [[1.05, 0.0, 1.4], [1.5, 0.9, 1.4], [1.5, 0.91, 1.4], [2.0, 0.4, 1.4]] {
+        assert_eq!(gathered(&solution, &[at(outer, [0.0, 1.0, 0.0])])[0].status, Status::Ok, "{outer:?}");
+    }
+}
+
 /// Gathered light over the solver's own at the sample points of elements that have some, rms and greatest difference.
 fn difference_from_solver(solution: &Solution, inside: impl Fn(DVec3) -> bool) -> (f64, f64) {
     let (mut points, mut expected) = (Vec::new(), Vec::new());
