@@ -1,7 +1,7 @@
 //! Progress on standard error: a bar on terminals, plain lines, or one JSON object a line.
 
 use crate::arguments::{ProgressChoice, StopArguments};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanCount, ProgressBar, ProgressStyle};
 use ringlight::solve::Progress;
 use ringlight::view_factor::Pairs;
 use serde::Serialize;
@@ -154,8 +154,8 @@ impl Reporter {
         let share = pairs.done as f64 / pairs.total.max(1) as f64;
         let left = (pairs.done > 0 && !end).then(|| (pairs.total - pairs.done) as f64 / rate);
         let in_words = left.map_or(String::new(), |left| format!(", about {} left", duration(left)));
-        let (percent, total) = (100.0 * share, pairs.total as f64);
-        let sentence = format!("{percent:.1} % of {total:.3e} pairs, {:.2} M pairs/s{in_words}", rate / 1e6);
+        let (percent, total) = (100.0 * share, HumanCount(pairs.total));
+        let sentence = format!("{percent:.1} % of {total} pairs, {:.2} M pairs/s{in_words}", rate / 1e6);
         match &self.style {
             Style::Bar(bar) => {
                 bar.set_position((1000.0 * share) as u64);
