@@ -4,9 +4,8 @@
 //! cargo run --release -p ringlight-accuracy --example obstructed_reference [STRATA] > references.rs
 //! ```
 //!
-//! Slow and obvious, and nothing in common with what it is compared with: rays that are stratified in four dimensions, every
-//! one tested against every triangle. Polygons that are apart are joined point to point, and the seen share is taken of the closed
-//! form; of polygons that touch, rays leave the first by the cosine law. Eight runs give the standard error.
+//! Slow and obvious: rays that are stratified in four dimensions, every one tested against every triangle. Polygons that are apart
+//! are joined point to point, and the seen share is taken of the factor with nothing between, which has tests of its own; of polygons that touch, rays leave the first by the cosine law. Eight runs give the standard error.
 
 use glam::DVec3;
 use ringlight::view_factor::{Polygon, Tolerance, Work, exchange};

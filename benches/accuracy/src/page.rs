@@ -9,8 +9,9 @@ use std::path::Path;
 const INTRODUCTION: &str = "\
 # Accuracy
 
-Ringlight beside exact values, published tables and other methods. Written by `cargo xtask accuracy`, every row of it held by a
-test: nothing here is edited by hand.
+Ringlight beside exact values, published tables and other methods. Written by `cargo xtask accuracy`, nothing is edited
+by hand. Every row with a bound is held to it by a test. *Expected* is exact or published where the section names a source; where the bound
+says *at most* it is the bound itself.
 ";
 
 /// Writes the page and its diagrams into `docs`.
@@ -33,11 +34,11 @@ pub fn section(name: &str, section: &Section) -> String {
     let mut text = String::new();
     writeln!(text, "\n## {}\n\n{}\n\nTest: `{name}`.", section.title, section.text.trim()).ok();
     if !section.rows.is_empty() {
-        writeln!(text, "\n| case | exact | found | deviation | bound |\n|---|---:|---:|---:|---:|").ok();
+        writeln!(text, "\n| case | expected | found | deviation | bound |\n|---|---:|---:|---:|---:|").ok();
     }
     for row in &section.rows {
-        let (exact, found) = (number(row.expected), number(row.found));
-        writeln!(text, "| {} | {exact} | {found} | {} | {} |", row.case, deviation(row), bound(row)).ok();
+        let (expected, found) = (number(row.expected), number(row.found));
+        writeln!(text, "| {} | {expected} | {found} | {} | {} |", row.case, deviation(row), bound(row)).ok();
     }
     if let Some((headings, rows)) = &section.table {
         writeln!(text, "\n| {} |\n|{}", headings.join(" | "), "---|".repeat(headings.len())).ok();

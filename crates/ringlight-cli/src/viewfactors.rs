@@ -75,6 +75,10 @@ pub fn viewfactors(arguments: &ViewFactors) -> Result<End, Failure> {
     run.warn(&foreseen(arguments, &faces));
     run.reporter.stage(Stage::Build);
     let occluders = Occluders::new(faces.blockers.clone());
+    let mut thin = Warnings::default();
+    let message = "triangles are too thin, for their size and place, to stand in the way of others";
+    thin.add_many("thin-blockers", message, Place::default(), occluders.slivers() as u64);
+    run.warn(&thin);
     run.seconds.build = run.lap();
     run.reporter.stage(Stage::Solve);
     let settings = settings(arguments);
@@ -85,22 +89,28 @@ pub fn viewfactors(arguments: &ViewFactors) -> Result<End, Failure> {
     run.seconds.solve = run.lap();
     run.reporter.stage(Stage::Write);
     run.warn(&noticed(arguments, &faces, &done));
+    // The audit comes first: a signal during it still leaves no file.
+    let audit = || view_factor::reciprocity(&faces, &occluders, &settings.tolerance, &done.computed);
+    let reciprocity = arguments.report.as_ref().map(|_| audit());
+    run.seconds.audit = run.lap();
+    if run.stopped() != End::Done {
+        run.say("stopped: nothing was written");
+        return Ok(run.stopped());
+    }
     for (file, path) in done.files {
         file.finish().with_context(|| cannot_write(&path))?;
     }
-    let reciprocity = view_factor::reciprocity(&faces, &occluders, &settings.tolerance, &done.computed);
     run.seconds.write = run.lap();
     run.seconds.total = run.start.elapsed().as_secs_f64();
     run.say(&summary(&faces, &done.computed.pairs, &done.sums, done.values, run.seconds.total));
-    if let Some(path) = &arguments.report {
+    if let (Some(path), Some(reciprocity)) = (&arguments.report, reciprocity) {
         let report = run.report(&faces, &settings, &(done.computed, done.sums, done.values), reciprocity);
         files::write(path, |out| {
             serde_json::to_writer_pretty(&mut *out, &report)?;
             out.write_all(b"\n")
         })?;
     }
-    // A signal that came while files were put in place counts as well.
-    Ok(run.stopped())
+    Ok(End::Done)
 }
 
 /// Everything that will be written, `--min` with what it fits.
@@ -186,6 +196,7 @@ struct Seconds {
     faces: f64,
     build: f64,
     solve: f64,
+    audit: f64,
     write: f64,
     total: f64,
 }

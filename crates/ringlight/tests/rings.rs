@@ -5,7 +5,7 @@ use ringlight::resources::{Bytes, Resources};
 use ringlight::ring::{Bounds, Piece, Rings, Routing, Shards, Visits, deal, outline, owners};
 use ringlight::scene::{self, ReadOptions};
 use ringlight::shooting::{self, ClusterLight, Shoot, Shot, Work};
-use ringlight::solve::{Exchange, Ring};
+use ringlight::solve::{Ring, RingExchange};
 use ringlight::transport::{Communicator, Failure, threads};
 use ringlight_visibility::{Hierarchy, OPAQUE, Triangle};
 use std::path::PathBuf;
@@ -95,7 +95,7 @@ fn shoot(
     let owners = owners(&sizes, way.ranks);
     let own: Vec<u32> = (0..owners.len() as u32).filter(|&c| owners[c as usize] as usize == ranks.rank()).collect();
     let mut light = dark(mesh, own.iter().map(|&c| c as usize));
-    let mut exchange = Exchange::new(rings, ranks.rank(), outlines, way.routing, way.window);
+    let mut exchange = RingExchange::new(rings, ranks.rank(), outlines, way.routing, way.window);
     for (number, shot) in shots.iter().enumerate() {
         let mut ring = Ring { shard: &shard, packet_size: way.packet_size, exchange: &mut exchange, ranks };
         ring.receive(mesh, &own, &mut light, number as u64, shot)?;

@@ -92,7 +92,7 @@ fn section(direct: &[f64], total: &[[f64; 4]]) -> Section {
     };
     let mut rows = |name: &str, pairs: &[(f64, f64)]| {
         // Where no light is expected, there must be none.
-        let deviation = |&(e, f): &(f64, f64)| if e == 0.0 { f.abs() } else { (f / e - 1.0).abs() };
+        let deviation = |&(e, f): &(f64, f64)| if e == 0.0 { f64::from(f.abs() > 1e-6) } else { (f / e - 1.0).abs() };
         let worst = pairs.iter().map(deviation).fold(0.0, |a, d| if d > a || d.is_nan() { d } else { a });
         let mean = pairs.iter().map(deviation).sum::<f64>() / pairs.len() as f64;
         let bias = pairs.iter().map(|(e, f)| f - e).sum::<f64>() / pairs.iter().map(|(e, _)| e).sum::<f64>();

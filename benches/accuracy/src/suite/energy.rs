@@ -52,7 +52,7 @@ const OWN: [Own; 4] = [
     },
     Own {
         file: "office.glb",
-        sizes: [0.475, 0.13],
+        sizes: [0.4, 0.1],
         coarse: [0.8, 0.4],
         until: 0.1,
         reciprocity: [[0.175, 0.012], [0.15, 0.017]],
@@ -64,7 +64,9 @@ const TEXT: &str = "
 *Closure error*: emitted − (absorbed + absorbed by backs + escaped + unshot), relative to emitted; escaped and backs are counted by rays of
 their own. 16 cells. *Reciprocity*: Pᵢⱼ is the power that patch i of radiosity 1 sends to patch j through the solver's shots; among
 about 100 patches spread over the scene, Σ |Pᵢⱼ − Pⱼᵢ| / Σ Pᵢⱼ over all pairs, and |Σ (Pᵢⱼ − Pⱼᵢ)| / Σ Pᵢⱼ. Cells shoot and samples
-receive, so that the two ways take different rays. For reciprocity our own scenes are cut coarsely, the office's feet and
+receive, so that the two ways take different rays. Bounds of reciprocity are
+what was measured, and a third. The office closes to 0.1 % with patches of 0.4 m and elements of 0.1 m, as here; up to 1.2 % was seen
+with other, coarser sizes. For reciprocity our own scenes are cut coarsely, the office's feet and
 edges more coarsely than they are wide.
 ";
 

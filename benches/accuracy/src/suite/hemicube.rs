@@ -183,8 +183,8 @@ these rays together. *Misplaced*: Σ |f − F| over the patches, of a hemisphere
 the patches above a size, up to the next.
 
 The hemicube wins in one column: whatever its resolution, its pixels add up to nearly 1 (Σ f − 1), because each goes to some patch;
-rays to one patch know nothing of the others. It also has a fixed cost however many patches there are, and its pixels are
-cheaper than rays. Everywhere else rays are more accurate at equal samples. The disc sum shows how much of that is owed to the rays,
+rays to one patch know nothing of the others. It also has a fixed cost however many patches there are. What it misplaces is
+more than rays do at equal samples (rows below). The disc sum shows how much of that is owed to the rays,
 and how much to the contour. Over areas, the hemicube stands in the middle of the receiving patch, as in 1985, with all its pixels, or
 at each of the 16 points that ours takes, with a sixteenth of them.
 ";

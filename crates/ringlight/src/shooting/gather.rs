@@ -201,11 +201,12 @@ impl<const N: usize> CellTable<N> {
     fn new(shot: &Shot, source: &PatchSource, grid: &Grid, side: u32) -> CellTable<N> {
         let cells = shot.light.len();
         let count = cells * (side * side) as usize;
+        // Lanes without a cell lie in the first one, with no density: they add 0, and nothing overflows.
+        let [x, y, z] = grid.point(0);
         let mut table = CellTable {
-            // Lanes without a cell lie so far away that they add 0, also for a point at the origin.
-            x: [1e15; N],
-            y: [0.0; N],
-            z: [0.0; N],
+            x: [x; N],
+            y: [y; N],
+            z: [z; N],
             density: [0.0; N],
             light: [[0.0; N]; 3],
             count,

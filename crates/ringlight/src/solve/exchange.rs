@@ -19,7 +19,7 @@ const ALL_HOME: u32 = 4;
 const MESSAGE: usize = 16 << 10;
 
 /// This rank's place among those that hold the geometry with it.
-pub struct Exchange {
+pub struct RingExchange {
     pipeline: Pipeline,
     /// First rank of the ring, which consists of consecutive ranks.
     first: usize,
@@ -38,7 +38,7 @@ pub trait Part {
     fn finish(&mut self, ticket: u32, masks: Vec<u64>);
 }
 
-impl Exchange {
+impl RingExchange {
     /// Of rank `rank`; `outlines` are the boxes around the shards of its ring's members. At most `window` own packets are
     /// under way at a time.
     pub fn new(
@@ -47,12 +47,12 @@ impl Exchange {
         outlines: Arc<Vec<Vec<Bounds>>>,
         routing: Routing,
         window: usize,
-    ) -> Exchange {
+    ) -> RingExchange {
         let members = rings.members(rings.ring_of(rank));
         assert_eq!(members.len(), outlines.len(), "every member of the ring has its boxes");
         let pipeline = Pipeline::new(rank - members.start, routing, window);
         let outbox = vec![Vec::new(); members.len()];
-        Exchange { pipeline, first: members.start, outlines, outbox }
+        RingExchange { pipeline, first: members.start, outlines, outbox }
     }
 
     /// Whether packets are compact, because their way depends on where they are: then a packet holds points of one cluster

@@ -7,7 +7,7 @@ mod receiving;
 mod state;
 
 pub use energy::{Energy, ExactSum};
-pub use exchange::{Exchange, Part};
+pub use exchange::{Part, RingExchange};
 pub use plain::plain;
 pub use receiving::Ring;
 pub use state::{State, World};

@@ -1,6 +1,6 @@
 //! What a rank's clusters receive from a shot when the occluders are spread over a ring.
 
-use super::exchange::{Exchange, Part};
+use super::exchange::{Part, RingExchange};
 use crate::mesh::Mesh;
 use crate::ring::Packet;
 use crate::shooting::{self, ClusterLight, Shot, Work};
@@ -56,7 +56,7 @@ pub struct Ring<'a, 'b> {
     /// Most points of a packet; does not change results.
     pub packet_size: usize,
     /// Its place in the pipeline.
-    pub exchange: &'a mut Exchange,
+    pub exchange: &'a mut RingExchange,
     /// Its way to the others.
     pub ranks: &'a mut Communicator<'b>,
 }
