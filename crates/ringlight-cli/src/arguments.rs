@@ -196,12 +196,12 @@ pub struct Probe {
     /// Gather light at the point, or read what the nearest surface shows
     #[arg(long, value_enum, default_value = "gather")]
     pub how: HowChoice,
-    /// Gather: most cells of a patch, or of each part of one
-    #[arg(long, value_name = "1|4|16|64", default_value = "64", value_parser = values::cells)]
-    pub cells: u32,
-    /// Gather: share of a point's light by which a patch may be off before it is cut into parts
-    #[arg(long, value_name = "SHARE", default_value = "2e-5", value_parser = values::positive)]
-    pub tolerance: f64,
+    /// Gather: most cells of a patch, or of each part of one; 64 by default
+    #[arg(long, value_name = "1|4|16|64", value_parser = values::cells)]
+    pub cells: Option<u32>,
+    /// Gather: share of a point's light by which a patch may be off before it is cut into parts; 2e-5 by default
+    #[arg(long, value_name = "SHARE", value_parser = values::positive)]
+    pub tolerance: Option<f64>,
     /// Surface: how far the surface may be, metres; the size of elements by default
     #[arg(long, value_name = "M", value_parser = values::positive)]
     pub reach: Option<f64>,

@@ -28,7 +28,11 @@ pub fn probe(arguments: &Probe) -> Result<End, Failure> {
     let hierarchy = mesh::hierarchy(&solution.mesh);
     let readings = match arguments.how {
         HowChoice::Gather => {
-            let options = GatherOptions { cells: arguments.cells, tolerance: arguments.tolerance };
+            let usual = GatherOptions::default();
+            let options = GatherOptions {
+                cells: arguments.cells.unwrap_or(usual.cells),
+                tolerance: arguments.tolerance.unwrap_or(usual.tolerance),
+            };
             probe::gather(&solution, &hierarchy, &points, &options)
         }
         HowChoice::Surface => {
@@ -62,6 +66,14 @@ pub fn probe(arguments: &Probe) -> Result<End, Failure> {
 /// Whether the outputs can be written, and are none of the files that are read.
 fn check(arguments: &Probe) -> Result<(), Failure> {
     let usage = |path: &Path, what: &str| Err(Failure::Usage(format!("{}{what}", path.display())));
+    let idle = match arguments.how {
+        HowChoice::Gather => arguments.reach.is_some().then_some("--reach is for --how surface"),
+        HowChoice::Surface => (arguments.cells.is_some() || arguments.tolerance.is_some())
+            .then_some("--cells and --tolerance are for --how gather"),
+    };
+    if let Some(message) = idle {
+        return Err(Failure::Usage(message.into()));
+    }
     let read = || std::iter::once(&arguments.solution).chain(&arguments.points);
     for output in &arguments.output {
         match output.kind {

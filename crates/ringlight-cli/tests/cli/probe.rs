@@ -112,3 +112,32 @@ fn probes_that_make_no_sense_are_usage_errors_and_nothing_is_written() {
     workshop.ringlight("probe box.ringlight --points points.csv -o box.obj").assert().code(2);
     assert_eq!(workshop.files(), before);
 }
+
+/// A lamp 20 cm above a point is no surface on which the point lies, however large the scene.
+#[test]
+fn a_lamp_close_above_is_seen_in_large_scenes() {
+    let workshop = Workshop::new();
+    workshop.put("lamp.mtl", "newmtl lamp\nKd 0 0 0\nKe 1 1 1\nnewmtl black\nKd 0 0 0\n");
+    let scene = "mtllib lamp.mtl\nv 0 0 1\nv 0 1 1\nv 1 1 1\nv 1 0 1\nv 10000 0 0\nv 10001 0 0\nv 10000 1 0\n\
+        usemtl lamp\nf 1 2 3 4\nusemtl black\nf 5 6 7\n";
+    workshop.put("lamp.obj", scene);
+    workshop.ringlight("bake lamp.obj -o lamp.ringlight --quality draft").assert().code(0);
+    workshop.put("points.csv", "x,y,z,nx,ny,nz\n0.5,0.5,0.8,0,0,1\n");
+    workshop.ringlight("probe lamp.ringlight --points points.csv -o out.csv").assert().code(0);
+    let row = &rows(&workshop, "out.csv")[1];
+    // π·F of the unit square from 0.2 m below its middle: four times Howell's B-3 with a = b = 0.5, c = 0.2.
+    let (x, r) = (2.5f64, (1.0 + 2.5f64 * 2.5).sqrt());
+    let expected = 4.0 * (x / r * (x / r).atan());
+    assert!((row[9].parse::<f64>().unwrap() / expected - 1.0).abs() < 1e-5 && row[10] == "ok", "{row:?} {expected}");
+}
+
+#[test]
+fn flags_of_the_other_way_are_refused() {
+    let workshop = baked();
+    for (flags, message) in
+        [("--reach 1", "--reach is for --how surface"), ("--how surface --cells 4", "are for --how gather")]
+    {
+        let verb = format!("probe box.ringlight --points points.csv {flags} -o out.csv");
+        workshop.ringlight(&verb).assert().code(2).stderr(contains(message));
+    }
+}

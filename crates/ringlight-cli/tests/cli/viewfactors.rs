@@ -232,3 +232,22 @@ fn progress_as_json_counts_pairs() {
     assert_eq!((&last["pairs"], &last["pairs_total"]), (&15.into(), &15.into()));
     assert!(lines.iter().all(|line| line["seconds"].is_number() && line.get("shots").is_none()));
 }
+
+/// Unit squares that face each other 0.5 m apart, a screen 2 cm above half of the lower, and something 10 km away: what is
+/// near each other is judged by itself, not by the size of the scene.
+#[test]
+fn small_gaps_count_in_large_scenes() {
+    let workshop = Workshop::new();
+    let squares = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 0.5\nv 0 1 0.5\nv 1 1 0.5\nv 1 0 0.5\n\
+        v 0 0 0.02\nv 0.5 0 0.02\nv 0.5 1 0.02\nv 0 1 0.02\nv 10000 0 0\nv 10001 0 0\nv 10000 1 0\n\
+        o a\nf 1 2 3 4\no b\nf 5 6 7 8\no screen\nf 9 10 11 12\n";
+    workshop.put("near.obj", squares);
+    workshop.put("far.obj", format!("{squares}o far\nf 13 14 15\n"));
+    for name in ["near", "far"] {
+        workshop.ringlight(&format!("viewfactors {name}.obj -o {name}.csv")).assert().code(0);
+    }
+    let factor = |name: &str| numbers(&table(&workshop, name)[1][1..])[2];
+    // Half of 0.415 is hidden, and little more.
+    assert!((0.19..0.215).contains(&factor("near.csv")));
+    assert!((factor("far.csv") / factor("near.csv") - 1.0).abs() < 2e-3);
+}

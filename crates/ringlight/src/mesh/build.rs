@@ -2,7 +2,7 @@
 
 use super::cluster;
 use super::pairing::{Corner, Polygon, pair};
-use super::plane::Planes;
+use super::plane::{Planes, RELATIVE_TOLERANCE};
 use super::size::{self, Quality};
 use super::{Facet, Mesh, NONE};
 use crate::scene::{Place, Scene, SceneError, SourceTriangle};
@@ -159,7 +159,7 @@ fn find_planes(mesh: &mut Mesh, diagonal: f64) {
         areas[b as usize].length_squared().total_cmp(&areas[a as usize].length_squared()).then(a.cmp(&b))
     });
     let reach = mesh.facets.iter().flat_map(|f| f.corners).map(|c| f64::from(c.length())).fold(0.0, f64::max);
-    let mut planes = Planes::new(diagonal, reach);
+    let mut planes = Planes::new(RELATIVE_TOLERANCE * diagonal, reach);
     for f in order {
         let facet = &mut mesh.facets[f as usize];
         facet.plane = planes.id(&facet.corners.map(|c| c.as_dvec3()), areas[f as usize]);

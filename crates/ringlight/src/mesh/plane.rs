@@ -23,9 +23,8 @@ pub struct Planes {
 const NORMAL_CELL: f64 = 0.05;
 
 impl Planes {
-    /// For a scene of this diagonal whose corners, given near the origin, lie within `reach` of it; metres.
-    pub fn new(diagonal: f64, reach: f64) -> Planes {
-        let tolerance = RELATIVE_TOLERANCE * diagonal;
+    /// For corners that may lie off their plane by `tolerance`, given near the origin and within `reach` of it; metres.
+    pub fn new(tolerance: f64, reach: f64) -> Planes {
         Planes {
             tolerance,
             offset_cell: (2.0 * ANGLE * reach + tolerance).max(1e-9),
@@ -86,7 +85,7 @@ mod tests {
 
     #[test]
     fn coplanar_facets_share_an_id_whatever_their_orientation() {
-        let mut planes = Planes::new(10.0, 10.0);
+        let mut planes = Planes::new(10.0 * RELATIVE_TOLERANCE, 10.0);
         let square = [(0., 0.), (1., 0.), (1., 1.), (0., 1.)].map(|(x, y)| DVec3::new(x, 2.0, y));
         let far = square.map(|p| p + DVec3::new(7.0, 0.0, 3.0));
         let above = square.map(|p| p + DVec3::new(0.0, 1e-3, 0.0));

@@ -1,7 +1,7 @@
 //! Where a probe stands: on which surfaces, on which side of them, and whether inside things.
 //!
-//! A point within δ, 2·10⁻⁵ of the scene's diagonal, of a surface lies *on* it: 0.2 mm in a room of 10 m. Such a point is
-//! put to where light can be computed:
+//! A point within δ of a surface lies *on* it: 2·10⁻⁵ of the scene's diagonal, 0.2 mm in a room of 10 m, but in large scenes
+//! no more than 1 mm, or what coordinates in single precision can tell. Such a point is put to where light can be computed:
 //!
 //! - on a surface in whose plane it lies (normals parallel to 2.5°) it is moved exactly into the plane, and what lies in
 //!   that plane does not block it;
@@ -10,7 +10,7 @@
 //!   side where it stays on its own surface and is not inside things.
 
 use super::nearest::closest_on_facet;
-use crate::mesh::{Facet, Mesh, RELATIVE_TOLERANCE, Tile};
+use crate::mesh::{Facet, Mesh, Tile};
 use crate::quantity::Rgb;
 use crate::shooting::sine_cosine;
 use crate::smooth::places::Places;
@@ -41,6 +41,13 @@ pub struct Spot {
     /// Whether other geometry covers it.
     pub covered: bool,
 }
+
+/// Points nearer to a surface than this share of the scene's diagonal, and than this many metres, lie on it.
+const TOUCH: f64 = 2e-5;
+const MOST_TOUCH: f64 = 1e-3;
+
+/// Share of the diagonal that single precision can tell, some units in the last place.
+const PRECISION: f64 = 4e-7;
 
 /// Cosine above which a normal is a surface's own.
 const SAME: f64 = 0.999;
@@ -85,7 +92,8 @@ struct Touched {
 impl<'a> Surroundings<'a> {
     pub fn new(solution: &'a Solution, hierarchy: &'a Hierarchy) -> Surroundings<'a> {
         let places = Places::new(&solution.mesh);
-        let touch = 10.0 * RELATIVE_TOLERANCE * solution.mesh.diagonal;
+        let diagonal = solution.mesh.diagonal;
+        let touch = (TOUCH * diagonal).min(MOST_TOUCH.max(PRECISION * diagonal));
         Surroundings { solution, hierarchy, places, touch, dim: DIM * median_irradiance(solution) }
     }
 

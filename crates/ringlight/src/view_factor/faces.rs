@@ -56,6 +56,10 @@ pub struct Faces {
     pub warnings: Warnings,
 }
 
+/// Faces whose corners lie within this share of the scene's diagonal of a plane lie in it: glTF's coordinates are good to
+/// 6e-8 of it.
+const PLANE_TOLERANCE: f64 = 2.5e-7;
+
 /// Triangles whose height is below this share of their longest edge have no area that rounding did not make.
 const DEGENERATE: f64 = 1e-9;
 
@@ -183,7 +187,7 @@ fn move_to_origin_and_find_planes(pieces: &mut [Piece]) -> Vec<u32> {
     let areas: Vec<f64> = (0..pieces.len()).map(|i| area_vector(i).length_squared()).collect();
     order.sort_by(|&a, &b| areas[b].total_cmp(&areas[a]).then(a.cmp(&b)));
     let reach = pieces.iter().flat_map(|piece| piece.corners).map(DVec3::length).fold(0.0, f64::max);
-    let mut planes = Planes::new(diagonal, reach);
+    let mut planes = Planes::new(PLANE_TOLERANCE * diagonal, reach);
     let mut ids = vec![0; pieces.len()];
     order.iter().for_each(|&i| ids[i] = planes.id(&pieces[i].corners, area_vector(i)));
     ids
