@@ -218,7 +218,8 @@ impl Pair<'_> {
             far: 1.0 - 1e-5,
             plane: self.planes[0],
         };
-        let hit = self.occluders.hierarchy.nearest_hit_where(&ray, |t| t.plane == NO_PLANE || t.plane != self.planes[1])?;
+        let hit =
+            self.occluders.hierarchy.nearest_hit_where(&ray, |t| t.plane == NO_PLANE || t.plane != self.planes[1])?;
         Some(self.screens.screen_of[hit.triangle as usize]).filter(|&screen| screen != u32::MAX)
     }
 }

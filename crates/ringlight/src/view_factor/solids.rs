@@ -161,7 +161,9 @@ mod tests {
         assert!(closed.len() == 1 && closed[0].sides.len() == 6 && closed[0].parts.len() == 12);
         let open = solids(&cuboid(|axis, side| (axis, side) == (2, 0)), 1e-9, 64);
         assert!(open.len() == 1 && open[0].sides.len() == 6 && open[0].parts.len() == 10, "{open:?}");
-        assert!(open[0].sides.iter().any(|w| w.plane.is_none() && w.side.normal == DVec3::NEG_Z && w.side.offset == 0.0));
+        assert!(
+            open[0].sides.iter().any(|w| w.plane.is_none() && w.side.normal == DVec3::NEG_Z && w.side.offset == 0.0)
+        );
         assert!(solids(&cuboid(|axis, _| axis == 2), 1e-9, 64).is_empty(), "a tube is no solid");
         assert!(solids(&cuboid(|_, side| side == 0), 1e-9, 64).is_empty(), "three walls are no solid");
         assert!(solids(&cuboid(|_, _| false), 1e-9, 5).is_empty());
@@ -187,13 +189,18 @@ mod tests {
         let rim = [at(0.4, 0.4), at(0.6, 0.4), at(0.6, 0.6), at(0.4, 0.6)];
         for k in 0..4 {
             let next = (k + 1) % 4;
-            parts.extend(
-                [[outer[k], outer[next], rim[next]], [outer[k], rim[next], rim[k]]]
-                    .map(|corners| Part { corners, plane: 1, unit: 0 }),
-            );
+            parts.extend([[outer[k], outer[next], rim[next]], [outer[k], rim[next], rim[k]]].map(|corners| Part {
+                corners,
+                plane: 1,
+                unit: 0,
+            }));
         }
         assert!(solids(&parts, 1e-9, 64).is_empty());
-        parts.extend([[rim[0], rim[1], rim[2]], [rim[0], rim[2], rim[3]]].map(|corners| Part { corners, plane: 1, unit: 0 }));
+        parts.extend([[rim[0], rim[1], rim[2]], [rim[0], rim[2], rim[3]]].map(|corners| Part {
+            corners,
+            plane: 1,
+            unit: 0,
+        }));
         assert_eq!(solids(&parts, 1e-9, 64).len(), 1, "with the window shut");
     }
 }
