@@ -97,11 +97,11 @@ pub fn compute(
     computed.pairs.total = (polygons as u64 * polygons.saturating_sub(1) as u64) / 2;
     let mut sums = vec![Exchange::default(); groups];
     let mut left_out = sums.clone();
+    let mut later: Vec<Vec<(u32, Entry)>> = vec![Vec::new(); groups.div_ceil(in_block)];
     for (block, first) in (0..groups).step_by(in_block).enumerate() {
         let block_groups = first..(first + in_block).min(groups);
         let mut entries: Vec<Vec<Entry>> = vec![Vec::new(); block_groups.len()];
         spill.take(block, |row, entry| entries[row as usize - first].push(entry))?;
-        let mut later: Vec<Vec<(u32, Entry)>> = vec![Vec::new(); groups.div_ceil(in_block)];
         for number in block_groups {
             for start in faces.groups[number].polygons.clone().step_by(BATCH) {
                 let end = (start + BATCH).min(faces.groups[number].polygons.end);
@@ -141,8 +141,9 @@ pub fn compute(
             let entries = std::mem::take(&mut entries[number - first]);
             rows(Row { number, entries: &entries, left_out: left_out[number] })?;
         }
-        for (block, waiting) in later.iter().enumerate().filter(|(_, waiting)| !waiting.is_empty()) {
+        for (block, waiting) in later.iter_mut().enumerate().filter(|(_, waiting)| !waiting.is_empty()) {
             spill.keep(block, waiting)?;
+            waiting.clear();
         }
     }
     Ok(Some(computed))

@@ -193,6 +193,8 @@ fn evaluate(
         return false;
     }
     if piece.depth < LEAST_DEPTH && whole.0 > scene.least {
+        // Where no piece more may be made, all that it could receive is in doubt.
+        piece.error = whole.0 + whole.1;
         return true;
     }
     let area = 0.5 * (piece.corners[1] - piece.corners[0]).cross(piece.corners[2] - piece.corners[0]).length();

@@ -3,31 +3,32 @@
 //!
 //! For a convex screen S and a point x the points y whose segment xy meets S form a convex set, S's shadow from x. So if every
 //! segment between a corner of one polygon and a corner of the other meets S, all segments between the polygons do.
+//!
+//! Not all of a solid need block: a side may be open, and what lies in a polygon's own plane never blocks its view. What
+//! meets such a solid is hidden only if it surely goes through one of its other sides, see [`Screens::covers`].
 
 use super::hull::Side;
 use super::joining::{Part, join};
-use super::solids::solids;
+use super::solids::{Wall, solids};
 use super::{Occluders, Polygon};
 use glam::DVec3;
-use ringlight_visibility::Ray;
+use ringlight_visibility::{NO_PLANE, Ray};
 use std::ops::Range;
 
 /// A convex solid, or a convex polygon in a plane.
 #[derive(Clone, Debug)]
 struct Screen {
     /// Of a polygon.
-    plane: Option<Side>,
-    /// In [`Screens::sides`].
+    plane: Option<Wall>,
+    /// In [`Screens::sides`]: those of a solid, or what bounds a polygon.
     sides: Range<usize>,
-    /// How many of the sides, the first ones, are made of triangles; a solid may have an open one after them.
-    real: usize,
 }
 
 /// All screens of a scene.
 #[derive(Debug, Default)]
 pub(super) struct Screens {
     screens: Vec<Screen>,
-    sides: Vec<Side>,
+    sides: Vec<Wall>,
     /// Screen of each blocking triangle.
     screen_of: Vec<u32>,
     /// Heights over a side up to this count as 0, metres: segments that graze a screen meet it.
@@ -76,27 +77,25 @@ impl Screens {
         let parts: Vec<Part> =
             occluders.triangles.iter().map(|t| Part { corners: t.corners, plane: t.plane, unit: 0 }).collect();
         for solid in solids(&parts, slack, MOST_SIDES) {
-            screens.add(None, solid.sides, solid.real, &solid.parts);
+            screens.add(None, solid.sides, &solid.parts);
         }
         let rest: Vec<usize> = (0..parts.len()).filter(|&i| screens.screen_of[i] == u32::MAX).collect();
         let rest_parts: Vec<Part> = rest.iter().map(|&i| parts[i]).collect();
         for joined in join(&rest_parts) {
             let members: Vec<usize> = joined.parts.iter().map(|&k| rest[k]).collect();
             if let Some(polygon) = Polygon::new(joined.corners, joined.plane) {
-                let plane = Side { normal: polygon.normal, offset: polygon.normal.dot(polygon.corners[0]) };
-                let edges = edges(&polygon);
-                let real = edges.len();
-                screens.add(Some(plane), edges, real, &members);
+                let side = Side { normal: polygon.normal, offset: polygon.normal.dot(polygon.corners[0]) };
+                screens.add(Some(Wall { side, plane: Some(polygon.plane) }), edges(&polygon), &members);
             }
         }
         screens
     }
 
-    fn add(&mut self, plane: Option<Side>, sides: Vec<Side>, real: usize, members: &[usize]) {
+    fn add(&mut self, plane: Option<Wall>, sides: Vec<Wall>, members: &[usize]) {
         members.iter().for_each(|&i| self.screen_of[i] = self.screens.len() as u32);
         let first = self.sides.len();
         self.sides.extend(sides);
-        self.screens.push(Screen { plane, sides: first..self.sides.len(), real });
+        self.screens.push(Screen { plane, sides: first..self.sides.len() });
     }
 
     /// Whether the two polygons surely see nothing of each other. A no says nothing. `memory` makes it fast and decides
@@ -109,46 +108,73 @@ impl Screens {
         pair.is_hidden(&a.corners, &b.corners, MOST_HALVINGS, memory)
     }
 
-    /// Whether a segment meets the screen in more than an end point, and goes through a side that is made of triangles.
-    ///
-    /// Grazing counts: of segments between polygons that face each other only a set of measure 0 grazes.
-    fn is_crossed(&self, screen: &Screen, from: DVec3, to: DVec3) -> bool {
-        let height = |side: &Side, p: DVec3| {
-            let height = side.normal.dot(p) - side.offset;
-            if height.abs() <= self.slack { 0.0 } else { height }
-        };
-        let sides = &self.sides[screen.sides.clone()];
-        if let Some(plane) = &screen.plane {
-            let (here, there) = (height(plane, from), height(plane, to));
-            if here * there >= 0.0 {
-                return false;
-            }
-            let crossing = from + here / (here - there) * (to - from);
-            return sides.iter().all(|side| height(side, crossing) <= 0.0);
+    /// Height over a side, metres.
+    fn height(&self, wall: &Wall, p: DVec3) -> f64 {
+        let height = wall.side.normal.dot(p) - wall.side.offset;
+        if height.abs() <= self.slack { 0.0 } else { height }
+    }
+
+    /// Whether a segment goes through a polygon. Grazing counts, as for solids: of segments between polygons that face each
+    /// other only a set of measure 0 grazes.
+    fn is_crossed(&self, plane: &Wall, edges: &[Wall], from: DVec3, to: DVec3) -> bool {
+        let (here, there) = (self.height(plane, from), self.height(plane, to));
+        if here * there >= 0.0 {
+            return false;
         }
-        // Where it enters and leaves, and whether there by a side made of triangles: it may leave a lampshade by the open one.
-        let (mut enters, mut leaves) = ((0.0f64, false), (1.0f64, false));
-        for (number, side) in sides.iter().enumerate() {
-            let (here, there) = (height(side, from), height(side, to));
+        let crossing = from + here / (here - there) * (to - from);
+        edges.iter().all(|edge| self.height(edge, crossing) <= 0.0)
+    }
+
+    /// The numbers of the sides by which a segment enters and leaves a solid, none where it begins or ends within it; none
+    /// at all if it does not meet the solid in more than an end point.
+    fn passage(&self, sides: &[Wall], from: DVec3, to: DVec3) -> Option<[Option<usize>; 2]> {
+        let (mut enters, mut leaves) = ((0.0f64, None), (1.0f64, None));
+        for (number, wall) in sides.iter().enumerate() {
+            let (here, there) = (self.height(wall, from), self.height(wall, to));
             if here.max(there) <= 0.0 {
                 continue;
             }
             if here.min(there) >= 0.0 {
-                return false;
+                return None;
             }
-            let crossing = (here / (here - there), number < screen.real);
+            let crossing = (here / (here - there), Some(number));
             if here > 0.0 && crossing.0 > enters.0 {
                 enters = crossing;
             } else if there > 0.0 && crossing.0 < leaves.0 {
                 leaves = crossing;
             }
         }
-        enters.0 < leaves.0 && (enters.1 || leaves.1)
+        (enters.0 < leaves.0).then_some([enters.1, leaves.1])
     }
 
-    fn covers(&self, screen: u32, a: &[DVec3], b: &[DVec3]) -> bool {
+    /// Whether a screen hides polygons of the planes `planes` from each other.
+    fn covers(&self, screen: u32, planes: [u32; 2], a: &[DVec3], b: &[DVec3]) -> bool {
         let screen = &self.screens[screen as usize];
-        a.iter().all(|&from| b.iter().all(|&to| self.is_crossed(screen, from, to)))
+        let sides = &self.sides[screen.sides.clone()];
+        let blocks = |wall: &Wall| wall.plane.is_some_and(|plane| plane == NO_PLANE || !planes.contains(&plane));
+        let mut segments = a.iter().flat_map(|&from| b.iter().map(move |&to| (from, to)));
+        if let Some(plane) = &screen.plane {
+            return blocks(plane) && segments.all(|(from, to)| self.is_crossed(plane, sides, from, to));
+        }
+        // The sides of the first segment, as long as all others pass them, too.
+        let mut common: Option<[Option<usize>; 2]> = None;
+        for (from, to) in segments {
+            let Some(passage) = self.passage(sides, from, to) else { return false };
+            let shared = common.unwrap_or(passage).map(|side| side.filter(|_| passage.contains(&side)));
+            common = Some(shared);
+        }
+        // All segments go through one side, and that is a convex screen by itself.
+        if common.into_iter().flatten().flatten().any(|side| blocks(&sides[side])) {
+            return true;
+        }
+        // A segment goes through as many sides as it has ends outside of the solid: more than can be open to it.
+        let some_above = |wall: &Wall, corners: &[DVec3]| corners.iter().any(|&c| self.height(wall, c) > 0.0);
+        let is_outside = |corners: &[DVec3]| {
+            let is_beyond = |wall: &Wall| corners.iter().all(|&c| self.height(wall, c) >= 0.0);
+            sides.iter().any(|wall| is_beyond(wall) && some_above(wall, corners))
+        };
+        let open = sides.iter().filter(|wall| !blocks(wall) && (some_above(wall, a) || some_above(wall, b))).count();
+        usize::from(is_outside(a)) + usize::from(is_outside(b)) > open
     }
 }
 
@@ -161,13 +187,13 @@ struct Pair<'a> {
 
 impl Pair<'_> {
     fn is_hidden(&self, a: &[DVec3], b: &[DVec3], halvings: u32, memory: &mut Memory) -> bool {
-        if let Some(&screen) = memory.0.iter().find(|&&screen| self.screens.covers(screen, a, b)) {
+        if let Some(&screen) = memory.0.iter().find(|&&screen| self.screens.covers(screen, self.planes, a, b)) {
             memory.put_first(screen);
             return true;
         }
         let Some(screen) = self.screen_between(a, b) else { return false };
         memory.put_first(screen);
-        if self.screens.covers(screen, a, b) {
+        if self.screens.covers(screen, self.planes, a, b) {
             return true;
         }
         if halvings == 0 {
@@ -192,19 +218,20 @@ impl Pair<'_> {
             far: 1.0 - 1e-5,
             plane: self.planes[0],
         };
-        let hit = self.occluders.hierarchy.nearest_hit_where(&ray, |t| t.plane != self.planes[1])?;
+        let hit =
+            self.occluders.hierarchy.nearest_hit_where(&ray, |t| t.plane == NO_PLANE || t.plane != self.planes[1])?;
         Some(self.screens.screen_of[hit.triangle as usize]).filter(|&screen| screen != u32::MAX)
     }
 }
 
 /// The half-spaces within the edges of a convex polygon.
-fn edges(polygon: &Polygon) -> Vec<Side> {
+fn edges(polygon: &Polygon) -> Vec<Wall> {
     let corners = &polygon.corners;
     let pairs = corners.iter().zip(corners.iter().cycle().skip(1));
     pairs
         .filter_map(|(&from, &to)| {
             let normal = (to - from).cross(polygon.normal).try_normalize()?;
-            Some(Side { normal, offset: normal.dot(from) })
+            Some(Wall { side: Side { normal, offset: normal.dot(from) }, plane: None })
         })
         .collect()
 }
@@ -232,70 +259,5 @@ fn halves(corners: &[DVec3]) -> [Vec<DVec3>; 2] {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::Occluder;
-    use super::*;
-
-    fn quad(at: [f64; 3], u: [f64; 3], v: [f64; 3], plane: u32) -> Polygon {
-        let (at, u, v) = (DVec3::from(at), DVec3::from(u), DVec3::from(v));
-        Polygon::new(vec![at, at + u, at + u + v, at + v], plane).unwrap()
-    }
-
-    fn blocking(polygons: &[&Polygon]) -> Occluders {
-        let triangles = polygons.iter().flat_map(|p| {
-            let c = &p.corners;
-            [[c[0], c[1], c[2]], [c[0], c[2], c[3]]].map(|corners| Occluder { corners, plane: p.plane })
-        });
-        Occluders::new(triangles.collect())
-    }
-
-    fn hides(blockers: &[&Polygon], a: &Polygon, b: &Polygon) -> bool {
-        let mut all = vec![a, b];
-        all.extend(blockers);
-        let occluders = blocking(&all);
-        let screens = Screens::new(&occluders);
-        let [one, other] = [(a, b), (b, a)].map(|(a, b)| screens.hide(a, b, &occluders, &mut Memory::default()));
-        assert_eq!(one, other);
-        one
-    }
-
-    #[test]
-    fn a_wall_hides_what_is_wholly_behind_it() {
-        let a = quad([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0);
-        let b = quad([0.0, 0.0, 2.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], 1);
-        let wall = quad([-0.1, -0.1, 1.0], [1.2, 0.0, 0.0], [0.0, 1.2, 0.0], 2);
-        let gap = quad([-0.1, -0.1, 1.0], [1.2, 0.0, 0.0], [0.0, 1.05, 0.0], 2);
-        // Of just their size: the outermost segments graze it.
-        let tight = quad([0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 2);
-        assert!(hides(&[&wall], &a, &b) && hides(&[&tight], &a, &b));
-        assert!(!hides(&[&gap], &a, &b) && !hides(&[], &a, &b));
-        // Two walls one above the other hide together what neither hides alone, nor do two with a slit between.
-        let low = quad([-0.1, -0.1, 1.0], [1.2, 0.0, 0.0], [0.0, 0.95, 0.0], 2);
-        let high = quad([-0.1, 0.15, 1.2], [1.2, 0.0, 0.0], [0.0, 0.95, 0.0], 3);
-        let slit = quad([-0.1, 0.86, 1.0], [1.2, 0.0, 0.0], [0.0, 0.3, 0.0], 2);
-        assert!(hides(&[&low, &high], &a, &b) && !hides(&[&low, &slit], &a, &b));
-    }
-
-    #[test]
-    fn a_lampshade_does_not_hide_what_is_within_it() {
-        let shade = [
-            quad([-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], 10),
-            quad([1.0, -1.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0], 11),
-            quad([1.0, 1.0, 0.0], [-2.0, 0.0, 0.0], [0.0, 0.0, 2.0], 12),
-            quad([-1.0, 1.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, 2.0], 13),
-            quad([-1.0, -1.0, 2.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], 14),
-        ];
-        let shade: Vec<&Polygon> = shade.iter().collect();
-        let bulb = quad([-0.1, -0.1, 1.0], [0.0, 0.2, 0.0], [0.2, 0.0, 0.0], 0);
-        let table = quad([-0.5, -0.5, -2.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1);
-        let ceiling = quad([-0.5, -0.5, 4.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], 2);
-        assert!(!hides(&shade, &bulb, &table));
-        assert!(hides(&shade, &table, &ceiling) && hides(&shade, &bulb, &ceiling));
-        // What lies on the shade's inner side looks out below, what lies on its outer side does not look in.
-        let inner = quad([-1.0, -0.5, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.5], 20);
-        let outer = quad([-1.0, -0.5, 1.0], [0.0, 0.0, 0.5], [0.0, 1.0, 0.0], 20);
-        assert!(!hides(&shade, &inner, &table));
-        let far = quad([-3.0, -0.5, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.5], 21);
-        assert!(!hides(&shade, &outer, &far) && !hides(&shade, &far, &outer));
-    }
-}
+#[path = "screens_tests.rs"]
+mod tests;

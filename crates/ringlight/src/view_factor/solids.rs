@@ -4,13 +4,20 @@ use super::hull::Side;
 use super::joining::{Part, find, normal, number_vertices};
 use glam::DVec3;
 
+/// A side of a screen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wall {
+    /// The half-space behind it.
+    pub side: Side,
+    /// Plane id of the parts that it is made of; none if it is open.
+    pub plane: Option<u32>,
+}
+
 /// A convex solid whose surface is made of parts, but for at most one side that is open.
 #[derive(Clone, Debug)]
 pub(super) struct Solid {
     /// Sides; the open one is the last.
-    pub sides: Vec<Side>,
-    /// How many of them are made of parts.
-    pub real: usize,
+    pub sides: Vec<Wall>,
     /// Numbers of its parts.
     pub parts: Vec<usize>,
 }
@@ -59,10 +66,10 @@ pub(super) fn solids(parts: &[Part], slack: f64, most_sides: usize) -> Vec<Solid
                 members.iter().flat_map(|&part| &loops[part]).map(|&vertex| vertices[vertex as usize]).collect();
             let rim: Vec<DVec3> = rim.into_iter().map(|vertex| vertices[vertex as usize]).collect();
             let mut sides = sides(parts, &members, most_sides)?;
-            let real = sides.len();
             sides.extend(opening(&rim, &corners)?);
-            let inside = |side: &Side| corners.iter().all(|c| side.normal.dot(*c) <= side.offset + slack);
-            (sides.len() > 3 && sides.iter().all(inside)).then_some(Solid { sides, real, parts: members })
+            let inside = |wall: &Wall| corners.iter().all(|c| wall.side.normal.dot(*c) <= wall.side.offset + slack);
+            let is_solid = sides.len() > 3 && sides.iter().all(inside) && !any_coincide(&sides, &corners, 2.0 * slack);
+            is_solid.then_some(Solid { sides, parts: members })
         })
         .collect()
 }
@@ -76,8 +83,18 @@ fn bulges(a: &Part, b: &Part, slack: f64) -> bool {
     behind(a, b) && behind(b, a)
 }
 
+/// Whether two sides lie in one plane: then a side is not wholly what it says it is, but has a hole, as a wall with a window
+/// whose rim makes the opening, or belongs to two planes. All corners on one of the two lie on the other as well.
+fn any_coincide(sides: &[Wall], corners: &[DVec3], slack: f64) -> bool {
+    let is_on = |wall: &Wall, c: DVec3| (wall.side.normal.dot(c) - wall.side.offset).abs() <= slack;
+    sides.iter().enumerate().skip(1).any(|(number, wall)| {
+        let on: Vec<DVec3> = corners.iter().copied().filter(|&c| is_on(wall, c)).collect();
+        sides[..number].iter().any(|other| on.iter().all(|&c| is_on(other, c)))
+    })
+}
+
 /// A side for each plane and front among the members, from the largest of them; none if there are too many.
-fn sides(parts: &[Part], members: &[usize], most: usize) -> Option<Vec<Side>> {
+fn sides(parts: &[Part], members: &[usize], most: usize) -> Option<Vec<Wall>> {
     let mut sides: Vec<(u32, f64, Side)> = Vec::new();
     for part in members.iter().map(|&part| &parts[part]) {
         let vector = normal(part);
@@ -91,12 +108,12 @@ fn sides(parts: &[Part], members: &[usize], most: usize) -> Option<Vec<Side>> {
             None => sides.push((part.plane, area, side)),
         }
     }
-    Some(sides.into_iter().map(|(_, _, side)| side).collect())
+    Some(sides.into_iter().map(|(plane, _, side)| Wall { side, plane: Some(plane) }).collect())
 }
 
 /// The side that is open: an empty list if the rim is empty, none if the rim does not lie in one plane behind which all
 /// corners are. Whether the corners are behind it is for the caller to see; here its front is chosen.
-fn opening(rim: &[DVec3], corners: &[DVec3]) -> Option<Vec<Side>> {
+fn opening(rim: &[DVec3], corners: &[DVec3]) -> Option<Vec<Wall>> {
     let Some(&first) = rim.first() else { return Some(Vec::new()) };
     let farthest = |height: &dyn Fn(DVec3) -> f64| {
         rim.iter().copied().fold(first, |best, p| if height(p) > height(best) { p } else { best })
@@ -109,7 +126,7 @@ fn opening(rim: &[DVec3], corners: &[DVec3]) -> Option<Vec<Side>> {
     let lowest = rim.iter().map(|p| normal.dot(*p)).fold(f64::INFINITY, f64::min);
     let size = second.distance(first);
     let is_flat = rim.iter().all(|p| (normal.dot(*p) - lowest).abs() <= FLAT * size);
-    is_flat.then(|| vec![Side { normal, offset: lowest }])
+    is_flat.then(|| vec![Wall { side: Side { normal, offset: lowest }, plane: None }])
 }
 
 /// Rims may be off their plane by this share of their size.
@@ -144,7 +161,9 @@ mod tests {
         assert!(closed.len() == 1 && closed[0].sides.len() == 6 && closed[0].parts.len() == 12);
         let open = solids(&cuboid(|axis, side| (axis, side) == (2, 0)), 1e-9, 64);
         assert!(open.len() == 1 && open[0].sides.len() == 6 && open[0].parts.len() == 10, "{open:?}");
-        assert!(open[0].sides.iter().any(|side| side.normal == DVec3::NEG_Z && side.offset == 0.0));
+        assert!(
+            open[0].sides.iter().any(|w| w.plane.is_none() && w.side.normal == DVec3::NEG_Z && w.side.offset == 0.0)
+        );
         assert!(solids(&cuboid(|axis, _| axis == 2), 1e-9, 64).is_empty(), "a tube is no solid");
         assert!(solids(&cuboid(|_, side| side == 0), 1e-9, 64).is_empty(), "three walls are no solid");
         assert!(solids(&cuboid(|_, _| false), 1e-9, 5).is_empty());
@@ -160,5 +179,28 @@ mod tests {
         let mut holes = cuboid(|axis, side| (axis, side) == (2, 0));
         holes.remove(0);
         assert!(solids(&holes, 1e-9, 64).is_empty());
+    }
+
+    #[test]
+    fn a_closed_box_with_a_window_is_no_solid() {
+        let mut parts = cuboid(|axis, side| (axis, side) == (0, 1));
+        let at = |y: f64, z: f64| DVec3::new(1.0, y, z);
+        let outer = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
+        let rim = [at(0.4, 0.4), at(0.6, 0.4), at(0.6, 0.6), at(0.4, 0.6)];
+        for k in 0..4 {
+            let next = (k + 1) % 4;
+            parts.extend([[outer[k], outer[next], rim[next]], [outer[k], rim[next], rim[k]]].map(|corners| Part {
+                corners,
+                plane: 1,
+                unit: 0,
+            }));
+        }
+        assert!(solids(&parts, 1e-9, 64).is_empty());
+        parts.extend([[rim[0], rim[1], rim[2]], [rim[0], rim[2], rim[3]]].map(|corners| Part {
+            corners,
+            plane: 1,
+            unit: 0,
+        }));
+        assert_eq!(solids(&parts, 1e-9, 64).len(), 1, "with the window shut");
     }
 }

@@ -250,3 +250,23 @@ fn very_many_small_occluders_are_done_by_rays_within_the_estimate() {
     assert!((fine.area - coarse.area).abs() <= fine.error + coarse.error, "{fine:?} {coarse:?}");
     assert!((fine.area - coarse.area).abs() < 2e-3 * coarse.area, "{fine:?} {coarse:?}");
 }
+
+#[test]
+fn pieces_that_are_one_too_many_are_in_the_estimate() {
+    // More triangles in a disc of 1000 corners than pieces may be made; in parts it takes fewer.
+    let corner = |k: usize| {
+        let (sin, cos) = (2.0 * PI * k as f64 / 1000.0).sin_cos();
+        [cos, sin, 0.0]
+    };
+    let disc = polygon(&(0..1000).map(corner).collect::<Vec<_>>());
+    let square = rectangle([-0.5, 0.5], [-0.5, 0.5], 1.0, false);
+    let blocker = || screen([0.0, -0.3, 0.9], [0.4, 0., 0.], [0., 0.5, 0.]);
+    let found = obstructed(&disc, &square, blocker());
+    let parts: f64 = (0..10)
+        .map(|part| {
+            let arc = (100 * part..=100 * (part + 1)).map(corner);
+            obstructed(&polygon(&[[0.0; 3]].into_iter().chain(arc).collect::<Vec<_>>()), &square, blocker()).area
+        })
+        .sum();
+    assert!((found.area - parts).abs() <= found.error + 1e-3 * parts, "{found:?}, in parts {parts}");
+}
