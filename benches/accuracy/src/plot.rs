@@ -25,6 +25,11 @@ pub struct Series {
     pub points: Vec<[f64; 2]>,
 }
 
+/// A number at an axis, without the digits that binary fractions add.
+fn label(value: &f64) -> String {
+    format!("{value:.3e}").parse::<f64>().unwrap_or(*value).to_string()
+}
+
 const SIZE: (u32, u32) = (760, 460);
 
 impl Plot {
@@ -45,7 +50,14 @@ impl Plot {
             .x_label_area_size(44)
             .y_label_area_size(64)
             .build_cartesian_2d((x[0]..x[1]).log_scale(), (y[0]..y[1]).log_scale())?;
-        chart.configure_mesh().x_desc(&self.axes[0]).y_desc(&self.axes[1]).light_line_style(WHITE).draw()?;
+        chart
+            .configure_mesh()
+            .x_desc(&self.axes[0])
+            .y_desc(&self.axes[1])
+            .x_label_formatter(&label)
+            .y_label_formatter(&label)
+            .light_line_style(WHITE)
+            .draw()?;
         for (k, series) in self.series.iter().enumerate() {
             let colour = Palette99::pick(k).to_rgba();
             let points = || series.points.iter().map(|p| (p[0], p[1]));

@@ -143,7 +143,6 @@ fn gathered_light_equals_the_solvers_own() {
     // Nothing stands before anything: what is left is the difference of the discretisations.
     let solution = solve(&read(&(room("grey") + &LAMP.replace("2.75", "3"))), 0.25, 1e-4);
     let (rms, worst) = difference_from_solver(&solution, |p| away(p) && p.y < 2.7);
-    println!("open: rms {rms}, worst {worst}");
     assert!(rms < 0.003 && worst < 0.01, "{rms} {worst}");
 }
 
@@ -175,16 +174,29 @@ fn light_of_a_lamp_behind_a_table_is_that_of_its_visible_part() {
 }
 
 #[test]
-fn surfaces_show_what_is_displayed() {
+fn surfaces_give_samples_as_found_and_corners_as_displayed() {
     let solution = solve(&read(&(room("grey") + LAMP)), 0.25, 0.01);
     let smooth = Smooth::new(&solution);
+    let mut compared = 0;
     for (element, corners, normal) in elements(&solution).into_iter().step_by(7) {
         let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
-        let reading = read_surface(&solution, &[at((middle + 0.01 * normal).to_array(), normal.to_array())])[0];
-        if reading.status == Status::Ok {
-            assert_eq!(reading.irradiance, smooth.at(element, glam::DVec2::splat(0.5)), "{middle} {normal}");
+        let beside = middle.lerp(corners[0], 0.9);
+        let places = [middle, beside].map(|place| at((place + 0.01 * normal).to_array(), normal.to_array()));
+        let readings = read_surface(&solution, &places);
+        if readings.iter().any(|reading| reading.status != Status::Ok) {
+            continue;
         }
+        let (found, shown) = (solution.irradiance(element), smooth.corners(element)[0]);
+        assert_eq!(readings[0].irradiance, found, "{middle} {normal}");
+        for c in 0..3 {
+            let expected = 0.1 * found[c] + 0.9 * shown[c];
+            // Rounding of places in single precision.
+            let off = (readings[1].irradiance[c] - expected).abs();
+            assert!(off <= 1e-4 * expected, "{middle} {normal}: {expected} {:?}", readings[1]);
+        }
+        compared += 1;
     }
+    assert!(compared > 20, "{compared}");
 }
 
 #[test]

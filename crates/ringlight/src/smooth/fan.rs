@@ -23,13 +23,6 @@ pub struct Fan {
 }
 
 impl Fan {
-    /// Of an element of which only the corners' light is known.
-    pub fn even(layout: Layout, corners: [Rgb; 4]) -> Fan {
-        let n = Frame::corner_parameters(layout).len();
-        let light = std::array::from_fn(|c| corners[..n].iter().map(|corner| corner[c]).sum::<f32>() / n as f32);
-        Fan { layout, corners, middle: Frame::middle(layout), light }
-    }
-
     /// Light at parameters within the element.
     pub fn at(&self, within: DVec2) -> Rgb {
         let parameters = Frame::corner_parameters(self.layout);

@@ -11,8 +11,9 @@
 //!   the corner has different light in different elements;
 //! - triangles that were paired, and patches of one face, form one grid (`lattice`) and need no search.
 //!
-//! Within an element the light keeps what the solver found at the sample point (`fan`). Probes ask for more: light that does
-//! not pass what stands on the element itself (`standing`).
+//! Pictures and lit models show the corners' light, interpolated: the eye sees every bead along the edge of a shadow. Probes ask
+//! for numbers: light that keeps what the solver found at the sample point (`fan`), and does not pass what stands on the
+//! element itself (`standing`).
 
 mod fan;
 mod field;
@@ -24,10 +25,9 @@ mod standing;
 mod tests;
 mod walls;
 
-use crate::mesh;
+use crate::mesh::{self, Frame};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
-use fan::Fan;
 use field::{Field, Side, Work, element_of, sides};
 use glam::DVec2;
 use lattice::Lattice;
@@ -102,21 +102,13 @@ impl<'a> Smooth<'a> {
         corners
     }
 
-    /// Irradiance at parameters `within` of an element, W/m² or lux: linear in the triangles between its border and its
-    /// sample point, where it is what the solver found.
+    /// Irradiance at parameters `within` of an element: bilinear in quadrilaterals, linear in triangles. W/m² or lux.
     pub fn at(&self, element: u32, within: DVec2) -> Rgb {
         let (side, cell) = field::locate(&self.solution.mesh, element);
-        self.fan(element, side, cell).at(within)
-    }
-
-    fn fan(&self, element: u32, side: Side, cell: u32) -> Fan {
-        let mesh = &self.solution.mesh;
         let corners = self.cell_corners(element, side, cell);
-        let layout = mesh.facets[side.facet as usize].layout();
-        match field::known(self.solution, element).zip(mesh::sample_parameters(layout, mesh.valid[element as usize])) {
-            Some((light, middle)) => Fan { layout, corners, middle, light },
-            None => Fan::even(layout, corners),
-        }
+        let layout = self.solution.mesh.facets[side.facet as usize].layout();
+        let weights = Frame::corner_weights(layout, within).map(|w| w as f32);
+        std::array::from_fn(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
     }
 
     /// Whether a wall cuts a corner of an element off from the vertex it shares.

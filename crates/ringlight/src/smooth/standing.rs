@@ -1,4 +1,4 @@
-//! Light at any place of a surface: as it is displayed, but not from behind what stands there.
+//! Light at any place of a surface: as it is displayed, but exact at sample points, and not from behind what stands there.
 //!
 //! Corners know walls where they matter to the eye; a place inside an element may lie beyond one all the same, as under the
 //! leg of a chair. So the samples around a place are asked one by one whether it sees them.

@@ -166,24 +166,23 @@ fn floor_at(solution: &crate::solution::Solution, x: f64, y: f64) -> (u32, DVec2
 }
 
 #[test]
-fn the_light_found_at_sample_points_is_shown_there() {
+fn places_at_sample_points_have_the_light_found_there() {
     let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nusemtl grey\nf 1 2 3 4\n";
     let mut solution = solve(&read(obj), 0.5, 1.0);
     // A shadow edge.
     let light = |p: DVec3, _: DVec3| if p.x + 0.3 * p.y < 2.0 { 10.0 } else { 1.0 };
     paint(&mut solution, light);
     let hierarchy = crate::mesh::hierarchy(&solution.mesh);
-    let (smooth, surface) = (Smooth::new(&solution), SurfaceLight::new(&solution, &hierarchy));
+    let surface = SurfaceLight::new(&solution, &hierarchy);
     for (element, corners, normal) in elements(&solution) {
         let middle = corners.iter().sum::<DVec3>() / 4.0;
         let expected = [light(middle, normal) as f32; 3];
-        assert_eq!(smooth.at(element, DVec2::splat(0.5)), expected);
         assert_eq!(surface.at(element, DVec2::splat(0.5)), Some(expected));
     }
 }
 
 #[test]
-fn where_nothing_stands_a_place_has_the_light_that_is_displayed() {
+fn where_nothing_stands_corners_have_the_light_that_is_displayed() {
     let mut solution = solve(&read(&closed_box("grey")), 0.25, 1.0);
     paint(&mut solution, |p, n| 3.0 + p.x * p.x + p.y * p.z + n.x);
     let hierarchy = crate::mesh::hierarchy(&solution.mesh);
@@ -191,7 +190,12 @@ fn where_nothing_stands_a_place_has_the_light_that_is_displayed() {
     for (element, ..) in elements(&solution) {
         for k in 0..25 {
             let within = DVec2::new(f64::from(k % 5), f64::from(k / 5)) / 4.0;
-            assert_eq!(surface.at(element, within), Some(smooth.at(element, within)), "element {element} at {within}");
+            let (place, shown) = (surface.at(element, within).unwrap(), smooth.at(element, within));
+            if k % 20 == 0 || k % 20 == 4 {
+                assert_eq!(place, shown, "element {element} at {within}");
+            }
+            // Corners are means over two elements' widths: off the middle's light by a share of its curvature, 0.25² × 2.
+            assert!((place[0] - shown[0]).abs() < 0.05, "element {element} at {within}: {place:?} {shown:?}");
         }
     }
 }
