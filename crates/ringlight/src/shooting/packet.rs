@@ -39,7 +39,7 @@ impl Packet {
         self.push_as(Role::Point, point, normal, plane, mask);
     }
 
-    /// The same for a point that is more than a point. [`Role::Alone`] needs the spread pushed before.
+    /// The same for a point that is more than a point. `Role::Alone` needs the spread pushed before.
     pub fn push_as(&mut self, role: Role, point: DVec3, normal: DVec3, plane: u32, mask: u64) {
         let single = point.as_vec3();
         self.x.push(single.x);
