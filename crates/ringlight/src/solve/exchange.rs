@@ -30,7 +30,7 @@ pub struct RingExchange {
 
 /// What a rank does for a shot, besides sending and waiting.
 pub trait Part {
-    /// The next packet of this rank, if there is another.
+    /// The next packet of this rank, if there is another now; a finished one may make room for more.
     fn next(&mut self) -> Option<Packet>;
     /// Clears the bits that the geometry held here blocks.
     fn test(&mut self, packet: &mut Packet);
@@ -76,7 +76,6 @@ impl RingExchange {
         part: &mut dyn Part,
     ) -> Result<(), Failure> {
         self.pipeline.begin(shot, Sight { shooter: shooter.clone(), outlines: self.outlines.clone() });
-        let mut more = true;
         let mut over = Over::new(self.first, self.outlines.len());
         while !over.everywhere {
             // Once a shot is over, the next word of the same kind is of the next shot.
@@ -85,11 +84,11 @@ impl RingExchange {
             {
                 self.take(ranks, message, &mut over)?;
             }
-            while more && self.pipeline.has_room() {
-                match part.next() {
-                    Some(packet) => self.pipeline.submit(Packet { shot, ..packet }),
-                    None => more = false,
-                }
+            while !over.here
+                && self.pipeline.has_room()
+                && let Some(packet) = part.next()
+            {
+                self.pipeline.submit(Packet { shot, ..packet });
             }
             match self.pipeline.poll() {
                 Some(Action::Send { to, parcel }) => {
@@ -104,7 +103,7 @@ impl RingExchange {
                 }
                 Some(Action::Finish { ticket, masks, .. }) => part.finish(ticket, masks),
                 _ if over.everywhere => {}
-                None if !more && self.pipeline.in_flight() == 0 && !over.here => over.is_over_here(ranks),
+                None if self.pipeline.in_flight() == 0 && !over.here => over.is_over_here(ranks),
                 None => {
                     // Nobody waits for a parcel that waits for company.
                     (0..self.outbox.len()).for_each(|to| self.post(ranks, to));
