@@ -1,6 +1,6 @@
 //! Visibility over a ring: the pipeline of `ring`, driven over the communicator.
 
-use crate::ring::{Action, Bounds, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
+use crate::ring::{Action, Answers, Bounds, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
 use crate::transport::{Communicator, Failure, Message};
 use ringlight_visibility::Shooter;
 use std::sync::Arc;
@@ -32,10 +32,10 @@ pub struct RingExchange {
 pub trait Part {
     /// The next packet of this rank, if there is another now; a finished one may make room for more.
     fn next(&mut self) -> Option<Packet>;
-    /// Clears the bits that the geometry held here blocks.
+    /// Says what the geometry held here has to say: clears the bits that it blocks, or finds what it has in the rays' way.
     fn test(&mut self, packet: &mut Packet);
-    /// Takes the final masks of a packet that [`Part::next`] gave.
-    fn finish(&mut self, ticket: u32, masks: Vec<u64>);
+    /// Takes the final answers to a packet that [`Part::next`] gave.
+    fn finish(&mut self, ticket: u32, answers: Answers);
 }
 
 impl RingExchange {
@@ -101,7 +101,7 @@ impl RingExchange {
                     part.test(&mut packet);
                     self.pipeline.tested(packet);
                 }
-                Some(Action::Finish { ticket, masks, .. }) => part.finish(ticket, masks),
+                Some(Action::Finish { ticket, answers, .. }) => part.finish(ticket, answers),
                 _ if over.everywhere => {}
                 None if self.pipeline.in_flight() == 0 && !over.here => over.is_over_here(ranks),
                 None => {

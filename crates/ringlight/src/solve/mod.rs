@@ -5,12 +5,14 @@ mod exchange;
 mod plain;
 mod receiving;
 mod state;
+mod walking;
 
-pub use energy::{Energy, ExactSum};
+pub use energy::Energy;
 pub use exchange::{Part, RingExchange};
 pub use plain::plain;
 pub use receiving::Ring;
 pub use state::{State, World};
+pub use walking::join;
 
 use crate::quantity::Rgb;
 use crate::shooting::Shoot;

@@ -130,7 +130,8 @@ fn receive_everywhere(world: &World<'_>, state: &mut State, shot: &Shot, progres
 fn audit(world: &World<'_>, state: &mut State, shot: &Shot) {
     let share = if state.emitted > 0.0 { shot.power / state.emitted } else { 0.0 };
     let rays = (share * 65_536.0).clamp(16.0, 16_384.0) as u32;
-    let fate = shooting::audit(world.mesh, world.hierarchy, shot, rays, world.centre, world.radius);
+    let audit = shooting::Audit::new(world.mesh, shot, rays, world.centre, world.radius);
+    let fate = audit.follow(world.hierarchy).shares();
     // Light from infinity that misses the scene was never counted as emitted.
     let (escaped, meeting) = match shot.shooter.cells {
         ringlight_visibility::Cells::Directions(_) => (fate.escaped - fate.escaped_at_once, 1.0 - fate.escaped_at_once),

@@ -1,8 +1,9 @@
 //! What a rank's clusters receive from a shot when the occluders are spread over a ring.
 
 use super::exchange::{Part, RingExchange};
+use super::walking;
 use crate::mesh::Mesh;
-use crate::ring::Packet;
+use crate::ring::{Answers, Content, Packet, Samples};
 use crate::shooting::{self, ClusterLight, Shot, Work};
 use crate::transport::{Communicator, Failure};
 use ringlight_visibility::{Hierarchy, Tally};
@@ -120,21 +121,21 @@ impl Receiving<'_> {
 
 impl Part for Receiving<'_> {
     fn next(&mut self) -> Option<Packet> {
-        let mut packet = Packet { ticket: self.tickets, ..Packet::default() };
+        let mut samples = Samples::default();
         let mut segments = Vec::new();
-        while packet.masks.len() < self.packet_size
+        while samples.masks.len() < self.packet_size
             && (segments.is_empty() || !self.compact)
             && (!self.filling.is_empty() || self.collect_next())
         {
             let slot = self.filling[0];
             let Slot { work, sent, .. } = &mut self.slots[slot];
             let points = work.packet().points();
-            let range = *sent..points.len().min(*sent + self.packet_size - packet.masks.len());
-            packet.x.extend_from_slice(&points.x[range.clone()]);
-            packet.y.extend_from_slice(&points.y[range.clone()]);
-            packet.z.extend_from_slice(&points.z[range.clone()]);
-            packet.plane.extend_from_slice(&points.plane[range.clone()]);
-            packet.masks.extend_from_slice(&work.packet().masks()[range.clone()]);
+            let range = *sent..points.len().min(*sent + self.packet_size - samples.masks.len());
+            samples.x.extend_from_slice(&points.x[range.clone()]);
+            samples.y.extend_from_slice(&points.y[range.clone()]);
+            samples.z.extend_from_slice(&points.z[range.clone()]);
+            samples.plane.extend_from_slice(&points.plane[range.clone()]);
+            samples.masks.extend_from_slice(&work.packet().masks()[range.clone()]);
             segments.push(Segment { slot, first: range.start, count: range.len() });
             *sent = range.end;
             if *sent == work.packet().masks().len() {
@@ -144,21 +145,27 @@ impl Part for Receiving<'_> {
         if segments.is_empty() {
             return None;
         }
-        self.under_way.insert(self.tickets, segments);
+        let ticket = self.tickets;
+        self.under_way.insert(ticket, segments);
         self.tickets += 1;
-        Some(packet)
+        Some(Packet { ticket, content: Content::Samples(samples), ..Packet::default() })
     }
 
     fn test(&mut self, packet: &mut Packet) {
-        let mut masks = std::mem::take(&mut packet.masks);
-        let tally = self.shard.clear_blocked(&self.shot.shooter, packet.points(), &mut masks);
-        packet.masks = masks;
+        let samples = match &mut packet.content {
+            Content::Samples(samples) => samples,
+            Content::Rays(rays) => return walking::test(self.mesh, self.shard, rays),
+        };
+        let mut masks = std::mem::take(&mut samples.masks);
+        let tally = self.shard.clear_blocked(&self.shot.shooter, samples.points(), &mut masks);
+        samples.masks = masks;
         self.tally.rays += tally.rays;
         self.tally.masks += tally.masks;
         self.tally.masks_without_rays += tally.masks_without_rays;
     }
 
-    fn finish(&mut self, ticket: u32, masks: Vec<u64>) {
+    fn finish(&mut self, ticket: u32, answers: Answers) {
+        let Answers::Masks(masks) = answers else { return };
         let mut masks = masks.as_slice();
         for Segment { slot, first, count } in self.under_way.remove(&ticket).unwrap_or_default() {
             let Slot { cluster, work, home, .. } = &mut self.slots[slot];

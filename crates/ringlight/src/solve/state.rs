@@ -1,12 +1,14 @@
 //! What a solver works on.
 
-use super::{Energy, ExactSum, SolveSettings};
+use super::{Energy, SolveSettings};
 use crate::mesh::Mesh;
+use crate::quantity::ExactSum;
 use crate::scene::Light;
-use crate::shooting::{self, ClusterLight, Emitter, unshot_power};
+use crate::shooting::{self, Audit, ClusterLight, Emitter, Fate, unshot_power};
 use glam::DVec3;
 use rayon::prelude::*;
 use ringlight_visibility::{Cells, Hierarchy};
+use std::convert::Infallible;
 
 /// The scene as a solver needs it.
 pub struct World<'a> {
@@ -28,8 +30,22 @@ pub struct World<'a> {
 const ENTRY_RAYS: u32 = 1 << 14;
 
 impl<'a> World<'a> {
-    /// Puts a world together.
+    /// Puts a world together where all occluders are held.
     pub fn new(mesh: &'a Mesh, hierarchy: &'a Hierarchy, lights: &[Light], settings: SolveSettings) -> World<'a> {
+        let follow = |audits: &[Audit<'_>]| Ok(audits.par_iter().map(|audit| audit.follow(hierarchy)).collect());
+        let Ok::<_, Infallible>(world) = World::with_entry(mesh, hierarchy, lights, settings, follow);
+        world
+    }
+
+    /// Puts a world together. `follow` tells the fates of the rays of some audits: of light from infinity only what meets the
+    /// scene counts as emitted.
+    pub fn with_entry<E>(
+        mesh: &'a Mesh,
+        hierarchy: &'a Hierarchy,
+        lights: &[Light],
+        settings: SolveSettings,
+        follow: impl FnOnce(&[Audit<'_>]) -> Result<Vec<Fate>, E>,
+    ) -> Result<World<'a>, E> {
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
         let high = mesh.clusters.iter().fold(DVec3::NEG_INFINITY, |a, c| a.max(c.high.as_dvec3()));
         let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
@@ -37,22 +53,13 @@ impl<'a> World<'a> {
         if let Some(radiance) = settings.sky {
             emitters.extend(shooting::skies(radiance, f64::from(settings.cells).sqrt() as u32, radius));
         }
-        let mut world = World { mesh, hierarchy, emitters, centre, radius, settings };
-        // Of light from infinity only what meets the scene counts as emitted.
-        let meeting: Vec<f64> = world
-            .emitters
-            .par_iter()
-            .map(|e| match e.shooter.cells {
-                Cells::Directions(_) => {
-                    1.0 - shooting::audit(mesh, hierarchy, e, ENTRY_RAYS, centre, radius).escaped_at_once
-                }
-                _ => 1.0,
-            })
-            .collect();
-        for (emitter, share) in world.emitters.iter_mut().zip(meeting) {
-            emitter.power *= share;
-        }
-        world
+        let comes_from_infinity = |e: &&Emitter| matches!(e.shooter.cells, Cells::Directions(_));
+        let entering = emitters.iter().filter(comes_from_infinity);
+        let audits: Vec<Audit<'_>> = entering.map(|e| Audit::new(mesh, e, ENTRY_RAYS, centre, radius)).collect();
+        let fates = follow(&audits)?;
+        let entering = emitters.iter_mut().filter(|e| comes_from_infinity(&&**e));
+        entering.zip(fates).for_each(|(emitter, fate)| emitter.power *= 1.0 - fate.shares().escaped_at_once);
+        Ok(World { mesh, hierarchy, emitters, centre, radius, settings })
     }
 }
 
