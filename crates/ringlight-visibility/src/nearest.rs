@@ -72,7 +72,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
 
 impl Ray {
     /// Whether it may hit a triangle in the box from `low` to `high` no farther than `far`: never false where
-    /// [`Hierarchy::nearest_hit`] finds such a hit. The box grows with its distance, see [`SHAFT_MARGIN`].
+    /// [`Hierarchy::nearest_hit`] finds such a hit. The box grows with its distance, as those of the hierarchy do.
     pub fn may_hit(&self, low: [f32; 3], high: [f32; 3], far: f32) -> bool {
         let (low, high) = (sub(low, self.origin), sub(high, self.origin));
         let margin = norm(std::array::from_fn(|i| low[i].abs().max(high[i].abs()))) * SHAFT_MARGIN;

@@ -36,15 +36,17 @@ pub trait Walk {
 
 /// The nearest hit among the triangles held here. Whoever knows the mesh can tell what a rule admits.
 pub fn nearest_hit(mesh: &Mesh, hierarchy: &Hierarchy, Query { ray, rule }: &Query) -> Option<Hit> {
-    let (patch, admits): (u32, fn(&Mesh, u32, u32) -> bool) = match *rule {
-        Rule::All => return hierarchy.nearest_hit(ray),
-        Rule::Overlaying(patch) => (patch, look::overlays),
-        Rule::Facing(patch) => (patch, look::faces),
+    let in_plane_of = |patch: u32, admits: fn(&Mesh, u32, u32) -> bool| {
+        let facet = mesh.patch_facets[patch as usize] >> 1;
+        let plane = mesh.facets[facet as usize].plane;
+        let admitted = |t: &Triangle| t.plane == plane && t.id >> 1 != facet && admits(mesh, patch, t.id >> 1);
+        hierarchy.nearest_hit_where(ray, admitted)
     };
-    let facet = mesh.patch_facets[patch as usize] >> 1;
-    let plane = mesh.facets[facet as usize].plane;
-    let admitted = |t: &Triangle| t.plane == plane && t.id >> 1 != facet && admits(mesh, patch, t.id >> 1);
-    hierarchy.nearest_hit_where(ray, admitted)
+    match *rule {
+        Rule::All => hierarchy.nearest_hit(ray),
+        Rule::Overlaying(patch) => in_plane_of(patch, look::overlays),
+        Rule::Facing(patch) => in_plane_of(patch, look::faces),
+    }
 }
 
 /// Runs a walk to its end where all triangles are held.
