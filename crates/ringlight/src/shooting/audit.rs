@@ -45,6 +45,23 @@ impl Fate {
         }
     }
 
+    /// As it is told to others.
+    pub fn to_bytes(self) -> [u8; 48] {
+        let numbers = [self.rays, self.escaped_at_once].map(u64::to_le_bytes);
+        let sums = [self.escaped.0, self.backs.0].map(i128::to_le_bytes);
+        let mut bytes = [0; 48];
+        let parts = numbers.as_flattened().iter().chain(sums.as_flattened());
+        bytes.iter_mut().zip(parts).for_each(|(byte, part)| *byte = *part);
+        bytes
+    }
+
+    /// As others have told it.
+    pub fn from_bytes(bytes: [u8; 48]) -> Fate {
+        let number = |start: usize| u64::from_le_bytes(std::array::from_fn(|i| bytes[start + i]));
+        let sum = |start: usize| ExactSum(i128::from_le_bytes(std::array::from_fn(|i| bytes[start + i])));
+        Fate { rays: number(0), escaped_at_once: number(8), escaped: sum(16), backs: sum(32) }
+    }
+
     /// Shares of the power; none went anywhere if no ray started.
     pub fn shares(self) -> FateShares {
         let share = |sum: f64| if self.rays > 0 { sum / self.rays as f64 } else { 0.0 };
@@ -99,11 +116,16 @@ impl<'a> Audit<'a> {
 
     /// Follows all rays where all triangles are held.
     pub fn follow(&self, hierarchy: &Hierarchy) -> Fate {
+        self.follow_some(hierarchy, 0, 1)
+    }
+
+    /// Follows the rays of every `step`-th block from `first` on, where all triangles are held.
+    pub fn follow_some(&self, hierarchy: &Hierarchy, first: u32, step: usize) -> Fate {
         let follow = |block| {
             let fates = self.walks(block).map(|w| walk::run(self.mesh, hierarchy, w).fate());
             fates.fold(Fate::default(), Fate::join)
         };
-        (0..self.blocks()).into_par_iter().map(follow).reduce(Fate::default, Fate::join)
+        (first..self.blocks()).into_par_iter().step_by(step).map(follow).reduce(Fate::default, Fate::join)
     }
 
     /// Where ray `i` starts, and its direction; none where no light leaves.

@@ -1,23 +1,24 @@
 //! What a solver works on.
 
-use super::{Energy, SolveSettings};
+use super::{Energy, Ring, Share, SolveSettings};
 use crate::mesh::Mesh;
 use crate::quantity::ExactSum;
 use crate::scene::Light;
-use crate::shooting::{self, Audit, ClusterLight, Emitter, Fate, unshot_power};
+use crate::shooting::{self, Audit, ClusterLight, Emitter, unshot_power};
+use crate::transport::{Communicator, Failure};
 use glam::DVec3;
 use rayon::prelude::*;
-use ringlight_visibility::{Cells, Hierarchy};
-use std::convert::Infallible;
+use ringlight_visibility::Cells;
+use std::sync::Arc;
 
 /// The scene as a solver needs it.
 pub struct World<'a> {
     /// Discretised surfaces.
     pub mesh: &'a Mesh,
-    /// Occluders.
-    pub hierarchy: &'a Hierarchy,
+    /// What this rank owns.
+    pub share: Arc<Share>,
     /// Lights that are not surfaces, in the order in which they shoot.
-    pub emitters: Vec<Emitter>,
+    pub emitters: Vec<Arc<Emitter>>,
     /// Middle of the ball that holds the scene, mesh coordinates.
     pub centre: DVec3,
     /// Radius of that ball, metres.
@@ -30,43 +31,45 @@ pub struct World<'a> {
 const ENTRY_RAYS: u32 = 1 << 14;
 
 impl<'a> World<'a> {
-    /// Puts a world together where all occluders are held.
-    pub fn new(mesh: &'a Mesh, hierarchy: &'a Hierarchy, lights: &[Light], settings: SolveSettings) -> World<'a> {
-        let follow = |audits: &[Audit<'_>]| Ok(audits.par_iter().map(|audit| audit.follow(hierarchy)).collect());
-        let Ok::<_, Infallible>(world) = World::with_entry(mesh, hierarchy, lights, settings, follow);
-        world
-    }
-
-    /// Puts a world together. `follow` tells the fates of the rays of some audits: of light from infinity only what meets the
-    /// scene counts as emitted.
-    pub fn with_entry<E>(
-        mesh: &'a Mesh,
-        hierarchy: &'a Hierarchy,
+    /// Puts a world together, of a rank in its ring. Every rank calls it.
+    pub fn new(
+        ring: &mut Ring<'a>,
+        ranks: &mut Communicator<'_>,
         lights: &[Light],
         settings: SolveSettings,
-        follow: impl FnOnce(&[Audit<'_>]) -> Result<Vec<Fate>, E>,
-    ) -> Result<World<'a>, E> {
+    ) -> Result<World<'a>, Failure> {
+        let mesh = ring.mesh();
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
         let high = mesh.clusters.iter().fold(DVec3::NEG_INFINITY, |a, c| a.max(c.high.as_dvec3()));
         let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
         let mut emitters = shooting::emitters(lights, mesh.origin, radius);
         if let Some(radiance) = settings.sky {
-            emitters.extend(shooting::skies(radiance, f64::from(settings.cells).sqrt() as u32, radius));
+            emitters.extend(shooting::skies(radiance, settings.cells.isqrt(), radius));
         }
-        let comes_from_infinity = |e: &&Emitter| matches!(e.shooter.cells, Cells::Directions(_));
-        let entering = emitters.iter().filter(comes_from_infinity);
+        // Of light from infinity only what meets the scene counts as emitted.
+        let enters = |e: &Emitter| matches!(e.shooter.cells, Cells::Directions(_));
+        let entering = emitters.iter().filter(|e| enters(e));
         let audits: Vec<Audit<'_>> = entering.map(|e| Audit::new(mesh, e, ENTRY_RAYS, centre, radius)).collect();
-        let fates = follow(&audits)?;
-        let entering = emitters.iter_mut().filter(|e| comes_from_infinity(&&**e));
-        entering.zip(fates).for_each(|(emitter, fate)| emitter.power *= 1.0 - fate.shares().escaped_at_once);
-        Ok(World { mesh, hierarchy, emitters, centre, radius, settings })
+        let fates = ring.follow(ranks, &audits)?;
+        for (emitter, fate) in emitters.iter_mut().filter(|e| enters(e)).zip(fates) {
+            emitter.power *= 1.0 - fate.shares().escaped_at_once;
+        }
+        let emitters = emitters.into_iter().map(Arc::new).collect();
+        Ok(World { mesh, share: ring.share().clone(), emitters, centre, radius, settings })
+    }
+
+    /// Power of the lights that are not surfaces, but for the first `shot`, W or lm.
+    pub fn unshot(&self, shot: u64) -> ExactSum {
+        let mut sum = ExactSum::default();
+        self.emitters[shot as usize..].iter().for_each(|e| sum.add(e.power));
+        sum
     }
 }
 
-/// The light, and how far the solver has come. Saved in solutions.
+/// The light of own clusters, and how far the solver has come: that of all clusters is saved in solutions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
-    /// Light of each cluster.
+    /// Light of each own cluster.
     pub clusters: Vec<ClusterLight>,
     /// Shots done.
     pub shots: u64,
@@ -81,13 +84,13 @@ pub struct State {
 }
 
 impl State {
-    /// Dark; all emission is unshot.
-    pub fn new(world: &World<'_>) -> State {
+    /// Dark; all emission is unshot. Every rank calls it.
+    pub fn new(world: &World<'_>, ranks: &mut Communicator<'_>) -> Result<State, Failure> {
         let clusters: Vec<ClusterLight> =
-            (0..world.mesh.clusters.len()).into_par_iter().map(|c| ClusterLight::new(world.mesh, c)).collect();
+            world.share.own.par_iter().map(|&c| ClusterLight::new(world.mesh, c as usize)).collect();
         let mut state = State { clusters, ..State::default() };
-        state.emitted = state.unshot(world);
-        state
+        state.emitted = state.unshot(world, ranks)?;
+        Ok(state)
     }
 
     /// Renews what is derived from the elements' light, after loading.
@@ -104,35 +107,33 @@ impl State {
         });
     }
 
-    /// Unshot power, W or lm: an order-free sum.
-    pub fn unshot(&self, world: &World<'_>) -> f64 {
-        let mut sum = self
-            .clusters
-            .par_iter()
-            .map(|c| {
-                let mut sum = ExactSum::default();
-                c.patches.iter().for_each(|p| sum.add(p.unshot_power));
-                sum
-            })
-            .reduce(ExactSum::default, ExactSum::join);
-        world.emitters[self.emitters_shot as usize..].iter().for_each(|e| sum.add(e.power));
-        sum.value()
+    /// Unshot power, W or lm: an order-free sum. Every rank calls it.
+    pub fn unshot(&self, world: &World<'_>, ranks: &mut Communicator<'_>) -> Result<f64, Failure> {
+        let here = self.clusters.par_iter().map(|c| {
+            let mut sum = ExactSum::default();
+            c.patches.iter().for_each(|p| sum.add(p.unshot_power));
+            sum
+        });
+        let sum = here.reduce(ExactSum::default, ExactSum::join).of_all(ranks)?;
+        Ok(sum.join(world.unshot(self.emitters_shot)).value())
     }
 
-    /// The audit so far.
-    pub fn energy(&self, world: &World<'_>) -> Energy {
+    /// The audit so far. Every rank calls it.
+    pub fn energy(&self, world: &World<'_>, ranks: &mut Communicator<'_>) -> Result<Energy, Failure> {
         let mesh = world.mesh;
-        let absorbed = self
-            .clusters
+        let absorbed = world
+            .share
+            .own
             .par_iter()
-            .enumerate()
-            .map(|(c, light)| {
+            .zip(&self.clusters)
+            .map(|(&c, light)| {
+                let cluster = &mesh.clusters[c as usize];
                 let mut sum = ExactSum::default();
-                for id in mesh.clusters[c].patches.clone() {
+                for id in cluster.patches.clone() {
                     let patch = mesh.patch(id);
                     for (k, e) in patch.elements().enumerate() {
                         let colour = mesh.colour(&patch, e);
-                        let light = light.elements[(e - mesh.clusters[c].elements.start) as usize].mean();
+                        let light = light.elements[(e - cluster.elements.start) as usize].mean();
                         let area = patch.element_area(k as u32) * mesh.valid_share(e) * f64::from(colour.coverage);
                         let kept: f64 =
                             (0..3).map(|i| (1.0 - f64::from(colour.reflectance[i])) * f64::from(light[i])).sum();
@@ -142,16 +143,17 @@ impl State {
                 sum
             })
             .reduce(ExactSum::default, ExactSum::join)
+            .of_all(ranks)?
             .value();
-        let unshot = self.unshot(world);
+        let unshot = self.unshot(world, ranks)?;
         let accounted = absorbed + self.absorbed_by_backs + self.escaped + unshot;
-        Energy {
+        Ok(Energy {
             emitted: self.emitted,
             absorbed,
             absorbed_by_backs: self.absorbed_by_backs,
             escaped: self.escaped,
             unshot,
             closure_error: if self.emitted > 0.0 { (self.emitted - accounted) / self.emitted } else { 0.0 },
-        }
+        })
     }
 }
