@@ -164,9 +164,9 @@ fn no_light_travels_but_that_of_the_shooter() {
     let (choices, shots) = (total[&1], total[&5]);
     assert_eq!(choices.messages, 11 * 4 * 2);
     assert_eq!((shots.messages, shots.bytes), (10 * 3, 10 * 3 * (4 + 8 + 16 * 12)));
-    // Each member of a ring says that its own packets are home, and is told that all are.
+    // Each member of a ring says that its own packets are home, those of points and those of rays, and is told that all are.
     assert_eq!((total[&3].messages, total[&4].messages), (2 * 10 * 2, 2 * 10 * 2));
-    // All else are points and masks, and the sums of the audit at the beginning and the end.
+    // All else are points and masks, rays and hits, and the sums of the audit at the beginning and the end.
     assert_eq!(total.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6]);
     assert!(expected.progress.rays <= parts[0].progress.rays);
 }

@@ -154,6 +154,9 @@ impl<'a> Ring<'a> {
 
     /// Where the rays of some audits end. Every rank calls it, before the first shot.
     pub fn follow(&mut self, ranks: &mut Communicator<'_>, audits: &[Audit<'_>]) -> Result<Vec<Fate>, Failure> {
+        if audits.is_empty() {
+            return Ok(Vec::new());
+        }
         let (first, step) = self.blocks(ranks, 0);
         let mut fates = vec![Fate::default(); audits.len()];
         if let Some(wider) = &mut self.spread {
@@ -175,7 +178,7 @@ impl<'a> Ring<'a> {
         let (mesh, share) = (self.mesh, self.share.clone());
         let clusters = share.own.iter().map(|&c| &mesh.clusters[c as usize]);
         let mut valid = vec![0; clusters.clone().map(|c| c.elements.len()).sum()];
-        let end = |(id, first): (u32, usize), looks: Vec<LookAbout<'_>>| {
+        let mut end = |(id, first): (u32, usize), looks: Vec<LookAbout<'_>>| {
             let views: Vec<View> = looks.iter().map(LookAbout::view).collect();
             let patch = mesh.patch(id);
             let found = mesh::valid_samples(mesh, &patch, &views);
@@ -190,7 +193,6 @@ impl<'a> Ring<'a> {
             let groups: Vec<_> = walking::looks(mesh, patches, usize::MAX).collect();
             let run_all = |(purpose, looks): (_, Vec<_>)| (purpose, looks.into_iter().map(run).collect());
             let seen: Vec<_> = groups.into_par_iter().map(run_all).collect();
-            let mut end = end;
             seen.into_iter().for_each(|(purpose, looks)| end(purpose, looks));
         }
         Ok(valid)

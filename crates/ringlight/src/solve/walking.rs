@@ -103,8 +103,7 @@ pub(super) fn rays<'a>(
     first: u32,
     step: usize,
 ) -> impl Iterator<Item = Group<usize, Following<'a>>> {
-    let blocks = audits.iter().enumerate().flat_map(move |(i, audit)| {
+    audits.iter().enumerate().flat_map(move |(i, audit)| {
         (first..audit.blocks()).step_by(step).map(move |block| (i, audit.walks(block).collect()))
-    });
-    blocks
+    })
 }
