@@ -58,7 +58,11 @@ pub fn run(office: &Office, shots: usize, output: &Path) -> Result<()> {
     let mut source = Shots::new(office);
     let shots: Vec<Shot> = (0..shots).map_while(|_| source.shoot()).collect();
     let mut file = csv::Writer::from_path(output).with_context(|| format!("{} cannot be written", output.display()))?;
-    println!("{} shots, {} pieces; fastest/slowest of the windows 0, 1, 2, 3, 5, 10, last", shots.len(), office.pieces.len());
+    println!(
+        "{} shots, {} pieces; fastest/slowest of the windows 0, 1, 2, 3, 5, 10, last",
+        shots.len(),
+        office.pieces.len()
+    );
     let random = (Shards::Random, Routing::All);
     let spatial = (Shards::Spatial, Routing::Boxes);
     for (ranks, rings) in [(8, 1), (16, 4)] {
@@ -108,7 +112,8 @@ fn balance(office: &Office, shots: &[Shot], way: Way, ring: usize) -> Vec<Row> {
         }
     }
     let windows = balance.windows();
-    let (shards, routing) = (name(shards == Shards::Random, "random", "spatial"), name(routing == Routing::All, "all", "boxes"));
+    let (shards, routing) =
+        (name(shards == Shards::Random, "random", "spatial"), name(routing == Routing::All, "all", "boxes"));
     let moves = name(moves == Moves::Never, "never", "balanced");
     let shown: Vec<String> = [0, 1, 2, 3, 5, 10, windows.len() - 1]
         .iter()

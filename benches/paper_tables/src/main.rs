@@ -4,11 +4,13 @@ mod balance;
 mod clock;
 mod office;
 mod serial;
+mod tables;
 
 use anyhow::Result;
 use clap::{Parser, Subcommand};
 use office::Office;
 use std::path::PathBuf;
+use tables::Tables;
 
 /// Runs the paper's own experiment, on the office of 4738 patches and 17251 elements.
 #[derive(Parser)]
@@ -16,7 +18,7 @@ struct Arguments {
     #[command(subcommand)]
     what: What,
     /// Facets in a piece of geometry, which moves as a whole
-    #[arg(long, default_value_t = 4, global = true)]
+    #[arg(long, default_value_t = 2, global = true)]
     facets: u32,
 }
 
@@ -31,6 +33,8 @@ enum What {
         #[arg(long, default_value = "benches/results/2026-11-22-balance.csv")]
         output: PathBuf,
     },
+    /// The first shot over N ranks and R rings: times and efficiencies
+    Tables(Tables),
 }
 
 fn main() -> Result<()> {
@@ -38,5 +42,6 @@ fn main() -> Result<()> {
     let office = Office::read(arguments.facets)?;
     match arguments.what {
         What::Balance { shots, output } => balance::run(&office, shots, &output),
+        What::Tables(tables) => tables.run(&office),
     }
 }

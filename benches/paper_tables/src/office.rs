@@ -77,8 +77,10 @@ impl<'a> Shots<'a> {
     /// The patch with the most unshot power shoots through 4 × 4 cells (paper, section 2.2).
     pub fn shoot(&mut self) -> Option<Shot> {
         let mesh = &self.office.mesh;
-        let powers = self.light.iter().zip(&mesh.clusters).flat_map(|(light, c)| light.patches.iter().zip(c.patches.clone()));
-        let (power, id) = powers.map(|(p, id)| (p.unshot_power, id)).max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))?;
+        let powers =
+            self.light.iter().zip(&mesh.clusters).flat_map(|(light, c)| light.patches.iter().zip(c.patches.clone()));
+        let (power, id) =
+            powers.map(|(p, id)| (p.unshot_power, id)).max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)))?;
         if power <= 0.0 {
             return None;
         }

@@ -28,7 +28,8 @@ pub struct SerialRing<'a> {
 
 /// The boxes around what each member holds.
 pub fn outlines(office: &Office, holders: &[u32], members: usize) -> Arc<Vec<Vec<Bounds>>> {
-    let held = |m: u32| office.pieces.iter().zip(holders).filter(move |(_, holder)| **holder == m).map(|(piece, _)| *piece);
+    let held =
+        |m: u32| office.pieces.iter().zip(holders).filter(move |(_, holder)| **holder == m).map(|(piece, _)| *piece);
     Arc::new((0..members as u32).map(|m| outline(&held(m).collect::<Vec<_>>(), BOXES)).collect())
 }
 
@@ -42,7 +43,8 @@ impl<'a> SerialRing<'a> {
             own.map(|c| (c, ClusterLight::new(&office.mesh, c))).collect()
         };
         let own = rings.members(ring).map(own_of).collect();
-        let mut ring = SerialRing { office, routing, own, shards: Vec::new(), outlines: Arc::default(), visits: [0; 2] };
+        let mut ring =
+            SerialRing { office, routing, own, shards: Vec::new(), outlines: Arc::default(), visits: [0; 2] };
         ring.hold(holders);
         ring
     }
@@ -78,6 +80,7 @@ impl<'a> SerialRing<'a> {
             loads[home].other += thread_seconds() - start;
             self.visits[1] += packets.len() as u64;
             for (packet, _) in &mut packets {
+                loads[home].points += packet.masks.len() as u64;
                 let (mut at, mut from) = (home, 0);
                 loop {
                     let start = thread_seconds();

@@ -10,6 +10,9 @@ use std::collections::BTreeSet;
 use std::ops::Add;
 use std::sync::Arc;
 
+#[cfg(test)]
+mod tests;
+
 /// When geometry moves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Moves {
@@ -29,6 +32,8 @@ pub struct Load {
     pub testing: f64,
     /// All else: its own clusters, routing.
     pub other: f64,
+    /// Sample points of its own clusters that were asked for: a measure of work that does not depend on who holds what.
+    pub points: u64,
 }
 
 /// What was seen of a window: shots over which times were added up.
@@ -60,10 +65,12 @@ pub struct Balance {
     open: Vec<Load>,
     open_shots: u64,
     shots: u64,
+    /// Sum of the busiest members' times of all windows, seconds.
+    work: f64,
     pause: u64,
     /// Busy times of the last window.
     busy: Vec<f64>,
-    /// Before the last move: who held what, and how long the slowest member took for a shot.
+    /// Before the last move: who held what, and how long the slowest member took for a point.
     before: Option<(Vec<u32>, f64)>,
     /// Windows in which nothing moves, and how many there are to be after the next move that was none for the better.
     rest: u32,
@@ -74,6 +81,10 @@ pub struct Balance {
 /// A window holds at least so much work of the busiest member, seconds: enough that clocks and chance count little.
 const WINDOW: f64 = 0.05;
 
+/// And at least so much of the work that the busiest had in all windows before: what stays uneven in the long run is found
+/// the better, the longer a window is.
+const GROWTH: f64 = 0.25;
+
 /// Geometry moves when the fastest member takes less than this share of the slowest's time.
 const TARGET: f64 = 0.95;
 
@@ -82,13 +93,13 @@ const TARGET: f64 = 0.95;
 const EXPONENT: f64 = 0.5;
 
 /// The share of a difference between expected and measured time that is believed: the rest may be chance.
-const TRUST: f64 = 0.5;
+const TRUST: f64 = 0.35;
 
 /// Building a hierarchy takes about so long for a triangle, seconds.
 const BUILD: f64 = 0.5e-6;
 
 /// What a move may make worse, of the slowest member's time for a shot, before it is taken back: shots differ by more.
-const SETBACK: f64 = 1.1;
+const SETBACK: f64 = 1.25;
 
 impl Balance {
     /// Of a ring of so many members, which hold the pieces as told; shards that move stay of the same kind.
@@ -105,6 +116,7 @@ impl Balance {
             open: vec![Load::default(); members],
             open_shots: 0,
             shots: 0,
+            work: 0.0,
             pause: 1,
             busy: Vec::new(),
             before: None,
@@ -137,12 +149,13 @@ impl Balance {
         self.open_shots += shots;
         self.open.iter_mut().zip(loads).for_each(|(sum, &load)| *sum = *sum + load);
         let slowest = self.open.iter().map(Load::busy).fold(0.0, f64::max);
-        let complete = slowest >= WINDOW;
+        let length = WINDOW.max(GROWTH * self.work);
+        let complete = slowest >= length;
         self.pause = match self.moves {
             Moves::Random => 1,
             _ => {
                 // As many shots as such a window is expected to take, but no more than have been seen.
-                let missing = if complete { WINDOW } else { WINDOW - slowest };
+                let missing = if complete { length } else { length - slowest };
                 ((self.open_shots as f64 * missing / slowest).ceil() as u64).clamp(1, self.open_shots.max(1))
             }
         };
@@ -165,19 +178,24 @@ impl Balance {
         let balance = fastest / slowest;
         let correlation = (!self.windows.is_empty()).then(|| rank_correlation(&self.busy, &busy));
         self.busy = busy;
+        self.work += slowest;
         self.windows.push(Window { shots, slowest, balance, correlation, moved: 0 });
         if self.moves != Moves::Balanced {
             return 0;
         }
-        let holders = self.decide(&loads, slowest, slowest / shots as f64);
+        let holders = self.decide(&loads, slowest);
         let moved = self.replace(holders);
         self.windows.last_mut().into_iter().for_each(|w| w.moved = moved);
         moved
     }
 
-    /// Who holds what from now on; `pace` is the time of the slowest member for a shot.
-    fn decide(&mut self, loads: &[Load], slowest: f64, pace: f64) -> Vec<u32> {
+    /// Who holds what from now on.
+    fn decide(&mut self, loads: &[Load], slowest: f64) -> Vec<u32> {
+        if loads.iter().all(|load| load.testing == 0.0) {
+            return self.holders.clone();
+        }
         let scale = self.learn(loads);
+        let pace = slowest / loads.iter().map(|load| load.points).sum::<u64>() as f64;
         if let Some((holders, before)) = self.before.take()
             && pace > SETBACK * before
         {
@@ -194,12 +212,11 @@ impl Balance {
             Shards::Spatial => bisect(&self.pieces, &self.weights, &targets),
             Shards::Random => self.even_out(&targets),
         };
-        // What is left to do is not known; as much as has been done is a fair guess.
-        let expected = |&Load { other, .. }, weight: f64| other + scale * weight.powf(EXPONENT);
+        let expected = |&Load { other, .. }: &Load, weight: f64| other + scale * weight.powf(EXPONENT);
         let weights = self.held(&holders);
         let then = loads.iter().zip(weights).map(|(load, weight)| expected(load, weight)).fold(0.0, f64::max);
-        let windows = self.shots as f64 / self.windows.last().map_or(1.0, |w| w.shots as f64);
-        if (slowest - then) * windows < self.rebuilding(&holders) {
+        // What is left to do is not known; as much as has been done is a fair guess.
+        if (1.0 - then / slowest) * self.work < self.rebuilding(&holders) {
             return self.holders.clone();
         }
         self.before = Some((self.holders.clone(), pace));
@@ -255,7 +272,8 @@ impl Balance {
     /// Moves pieces, the largest that fit first, from members that hold too much to those that hold too little.
     fn even_out(&self, targets: &[f64]) -> Vec<u32> {
         let mut holders = self.holders.clone();
-        let mut excess: Vec<f64> = self.held(&holders).iter().zip(targets).map(|(held, target)| held - target).collect();
+        let mut excess: Vec<f64> =
+            self.held(&holders).iter().zip(targets).map(|(held, target)| held - target).collect();
         let key = |piece: usize| (self.weights[piece].to_bits(), scatter(piece as u64), piece);
         let mut held = vec![BTreeSet::new(); self.members];
         holders.iter().enumerate().for_each(|(piece, &m)| {
@@ -296,7 +314,8 @@ impl Balance {
                 changed[new as usize] = true;
             }
         }
-        let longest = triangles.iter().zip(changed).filter(|(_, changed)| *changed).map(|(n, _)| *n).fold(0.0, f64::max);
+        let longest =
+            triangles.iter().zip(changed).filter(|(_, changed)| *changed).map(|(n, _)| *n).fold(0.0, f64::max);
         BUILD * longest
     }
 
@@ -327,7 +346,11 @@ impl Add for Load {
     type Output = Load;
 
     fn add(self, other: Load) -> Load {
-        Load { testing: self.testing + other.testing, other: self.other + other.other }
+        Load {
+            testing: self.testing + other.testing,
+            other: self.other + other.other,
+            points: self.points + other.points,
+        }
     }
 }
 
