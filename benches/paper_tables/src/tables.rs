@@ -139,7 +139,7 @@ impl Tables {
         balanced: bool,
     ) -> Result<Row> {
         let rings = cut.ring_of(ranks - 1) + 1;
-        let held: Vec<Held> = (0..rings)
+        let held = (0..rings)
             .map(|ring| {
                 let members = cut.members(ring).len();
                 let mut holders = deal(&office.pieces, members, shards);
@@ -152,7 +152,8 @@ impl Tables {
             .collect();
         let sizes: Vec<u64> = office.mesh.clusters.iter().map(|c| c.elements.len() as u64).collect();
         let owners = owners(&sizes, ranks);
-        let parts = threads::run(ranks, |world| self.rank(office, shot, cut, routing, &held, &owners, world))?;
+        let experiment = Experiment { office, shot, cut, routing, held, owners, repeat: self.repeat };
+        let parts = threads::run(ranks, |world| experiment.run(world))?;
         let modelled = |part: &Part| part.busy + part.messages * self.message + part.bytes * self.byte;
         let members = ranks.div_ceil(rings);
         let fastest_over_slowest = |ring: usize| {
@@ -180,45 +181,6 @@ impl Tables {
         })
     }
 
-    /// One rank: its shard, its clusters, the shot again and again.
-    fn rank(
-        &self,
-        office: &Office,
-        shot: &Shot,
-        cut: Rings,
-        routing: Routing,
-        held: &[Held],
-        owners: &[u32],
-        world: &mut Communicator<'_>,
-    ) -> Result<Part, Failure> {
-        let rank = world.rank();
-        let ring = cut.ring_of(rank);
-        let Held { holders, outlines } = &held[ring];
-        let shard = office.shard(holders, (rank - cut.members(ring).start) as u32);
-        let own: Vec<u32> = (0..owners.len() as u32).filter(|&c| owners[c as usize] as usize == rank).collect();
-        let mut light: Vec<ClusterLight> = own.iter().map(|&c| ClusterLight::new(&office.mesh, c as usize)).collect();
-        let mut exchange = RingExchange::new(cut, rank, outlines.clone(), routing, UNDER_WAY);
-        let mut busy = 0.0;
-        for number in 0..self.repeat {
-            let start = thread_seconds();
-            let mut ring = Ring { shard: &shard, packet_size: PACKET_SIZE, exchange: &mut exchange, ranks: world };
-            ring.receive(&office.mesh, &own, &mut light, number, shot)?;
-            busy += thread_seconds() - start;
-            world.all_reduce(MEETING, [0], |a, _| a)?;
-        }
-        let traffic = world.traffic().iter().filter(|(tag, _)| **tag < MEETING).map(|(_, traffic)| traffic);
-        let (messages, bytes) = traffic.fold((0, 0), |(m, b), traffic| (m + traffic.messages, b + traffic.bytes));
-        let mean = |x: f64| x / self.repeat as f64;
-        let visits = exchange.visits();
-        Ok(Part {
-            busy: mean(busy),
-            messages: mean(messages as f64),
-            bytes: mean(bytes as f64),
-            own: visits.own,
-            tested: visits.tested,
-        })
-    }
-
     /// Balances a ring over windows of this shot; gives who holds what then.
     fn balance(
         &self,
@@ -236,6 +198,52 @@ impl Tables {
             }
         }
         balance.holders().to_vec()
+    }
+}
+
+/// The shot over rings of ranks.
+struct Experiment<'a> {
+    office: &'a Office,
+    shot: &'a Shot,
+    cut: Rings,
+    routing: Routing,
+    /// By ring.
+    held: Vec<Held>,
+    /// The rank of each cluster.
+    owners: Vec<u32>,
+    repeat: u64,
+}
+
+impl Experiment<'_> {
+    /// One rank: its shard, its clusters, the shot again and again.
+    fn run(&self, world: &mut Communicator<'_>) -> Result<Part, Failure> {
+        let Experiment { office, shot, cut, routing, held, owners, repeat } = self;
+        let rank = world.rank();
+        let ring = cut.ring_of(rank);
+        let Held { holders, outlines } = &held[ring];
+        let shard = office.shard(holders, (rank - cut.members(ring).start) as u32);
+        let own: Vec<u32> = (0..owners.len() as u32).filter(|&c| owners[c as usize] as usize == rank).collect();
+        let mut light: Vec<ClusterLight> = own.iter().map(|&c| ClusterLight::new(&office.mesh, c as usize)).collect();
+        let mut exchange = RingExchange::new(*cut, rank, outlines.clone(), *routing, UNDER_WAY);
+        let mut busy = 0.0;
+        for number in 0..*repeat {
+            let start = thread_seconds();
+            let mut ring = Ring { shard: &shard, packet_size: PACKET_SIZE, exchange: &mut exchange, ranks: world };
+            ring.receive(&office.mesh, &own, &mut light, number, shot)?;
+            busy += thread_seconds() - start;
+            world.all_reduce(MEETING, [0], |a, _| a)?;
+        }
+        let traffic = world.traffic().iter().filter(|(tag, _)| **tag < MEETING).map(|(_, traffic)| traffic);
+        let (messages, bytes) = traffic.fold((0, 0), |(m, b), traffic| (m + traffic.messages, b + traffic.bytes));
+        let mean = |x: f64| x / *repeat as f64;
+        let visits = exchange.visits();
+        Ok(Part {
+            busy: mean(busy),
+            messages: mean(messages as f64),
+            bytes: mean(bytes as f64),
+            own: visits.own,
+            tested: visits.tested,
+        })
     }
 }
 

@@ -98,8 +98,8 @@ const TRUST: f64 = 0.35;
 /// Building a hierarchy takes about so long for a triangle, seconds.
 const BUILD: f64 = 0.5e-6;
 
-/// What a move may make worse, of the slowest member's time for a shot, before it is taken back: shots differ by more.
-const SETBACK: f64 = 1.25;
+/// By how much the slowest member's time for a point may grow before a move is taken back: shots differ by about as much.
+const SETBACK: f64 = 1.1;
 
 impl Balance {
     /// Of a ring of so many members, which hold the pieces as told; shards that move stay of the same kind.
@@ -219,7 +219,8 @@ impl Balance {
         if (1.0 - then / slowest) * self.work < self.rebuilding(&holders) {
             return self.holders.clone();
         }
-        self.before = Some((self.holders.clone(), pace));
+        // Compact shards of another shape may be visited more; random ones are all alike.
+        self.before = (self.shards == Shards::Spatial).then(|| (self.holders.clone(), pace));
         holders
     }
 

@@ -130,7 +130,7 @@ fn moves_for_the_worse_are_taken_back_and_become_rare() {
         (if holders == start { 1.0 } else { 2.0 }) * (1e-4 + 8e-5 * held(&pieces, &start, member).sqrt())
     };
     let run = |moves| {
-        let mut balance = Balance::new(pieces.clone(), start.clone(), 8, Shards::Random, moves);
+        let mut balance = Balance::new(pieces.clone(), start.clone(), 8, Shards::Spatial, moves);
         let time = simulate(&mut balance, 20, cost);
         (time / balance.shots as f64, balance)
     };
