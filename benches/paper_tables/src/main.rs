@@ -27,7 +27,7 @@ enum What {
     /// Fastest/slowest of the members of rings over windows, with and without balancing
     Balance {
         /// Shots
-        #[arg(long, default_value_t = 900)]
+        #[arg(long, default_value_t = 1000)]
         shots: usize,
         /// Where to write all windows
         #[arg(long, default_value = "benches/results/2026-11-22-balance.csv")]

@@ -6,6 +6,7 @@
 use super::partition::scatter;
 use super::shard::bisect;
 use super::{Piece, Shards};
+use bytemuck::{Pod, Zeroable};
 use std::collections::BTreeSet;
 use std::ops::Add;
 use std::sync::Arc;
@@ -25,12 +26,13 @@ pub enum Moves {
     Random,
 }
 
-/// How busy a member of a ring was, CPU seconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// How busy a member of a ring was.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Load {
-    /// Testing packets, whosever they are, against the geometry it holds: moves with the geometry.
+    /// Testing packets, whosever they are, against the geometry it holds, CPU seconds: moves with the geometry.
     pub testing: f64,
-    /// All else: its own clusters, routing.
+    /// All else, CPU seconds: its own clusters, routing.
     pub other: f64,
     /// Sample points of its own clusters that were asked for: a measure of work that does not depend on who holds what.
     pub points: u64,
