@@ -100,8 +100,8 @@ const TRUST: f64 = 0.35;
 /// Building a hierarchy takes about so long for a triangle, seconds.
 const BUILD: f64 = 0.5e-6;
 
-/// By how much the slowest member's time for a point may grow before a move is taken back: shots differ by about as much.
-const SETBACK: f64 = 1.1;
+/// Windows of rest after a move that was none for the better; twice as many after the next, and so on.
+const REST: u32 = 2;
 
 impl Balance {
     /// Of a ring of so many members, which hold the pieces as told; shards that move stay of the same kind.
@@ -123,7 +123,7 @@ impl Balance {
             busy: Vec::new(),
             before: None,
             rest: 0,
-            next_rest: 2,
+            next_rest: REST,
             windows: Vec::new(),
         }
     }
@@ -198,12 +198,13 @@ impl Balance {
         }
         let scale = self.learn(loads);
         let pace = slowest / loads.iter().map(|load| load.points).sum::<u64>() as f64;
-        if let Some((holders, before)) = self.before.take()
-            && pace > SETBACK * before
-        {
-            self.rest = self.next_rest;
-            self.next_rest *= 2;
-            return holders;
+        if let Some((holders, before)) = self.before.take() {
+            if pace > before {
+                self.rest = self.next_rest;
+                self.next_rest *= 2;
+                return holders;
+            }
+            self.next_rest = REST;
         }
         self.rest = self.rest.saturating_sub(1);
         if self.rest > 0 || self.windows.last().is_some_and(|w| w.balance >= TARGET) {
