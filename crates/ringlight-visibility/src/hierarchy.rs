@@ -3,7 +3,7 @@
 use crate::build::{Bounds, Node, build};
 use crate::plan::Plan;
 use crate::predicate::is_sliver;
-use crate::{Filter, InstructionSet, OPAQUE, Points, Shooter, Triangle, mask, nearest};
+use crate::{Filter, InstructionSet, OPAQUE, Points, PreparedShooter, Shooter, Triangle, mask, nearest};
 
 /// Counts of work done, for reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -105,16 +105,20 @@ impl Hierarchy {
     ///
     /// Runs on the calling thread, and fastest when points that follow each other are near each other.
     pub fn clear_blocked(&self, shooter: &Shooter, points: Points<'_>, masks: &mut [u64]) -> Tally {
+        self.clear_blocked_of(&PreparedShooter::new(shooter), points, masks)
+    }
+
+    /// The same for a shooter that is asked about again and again.
+    pub fn clear_blocked_of(&self, shooter: &PreparedShooter, points: Points<'_>, masks: &mut [u64]) -> Tally {
         assert!(
             [points.y.len(), points.z.len(), points.plane.len(), masks.len()].iter().all(|&n| n == points.len()),
             "coordinates, planes and masks must be as many as the points"
         );
-        if shooter.cells.is_empty() {
+        let Some(plan) = shooter.plan() else {
             let masks = masks.len() as u64;
             return Tally { rays: 0, masks, masks_without_rays: masks };
-        }
-        let plan = Plan::new(shooter);
-        self.instruction_set.run(mask::Clear { hierarchy: self, plan: &plan, points, masks })
+        };
+        self.instruction_set.run(mask::Clear { hierarchy: self, plan, points, masks })
     }
 
     /// The nearest hit of `ray`; cutouts let it through their holes, screens are hit.

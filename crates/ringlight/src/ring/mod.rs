@@ -20,4 +20,4 @@ pub use parcel::Malformed;
 pub use partition::{Rings, owners};
 pub use pipeline::{Action, Pipeline, Visits};
 pub use routing::{Routing, Sight};
-pub use shard::{Bounds, Piece, Shards, deal, outline};
+pub use shard::{Bounds, Piece, ShardBox, Shards, deal, outline};

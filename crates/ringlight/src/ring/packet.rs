@@ -27,16 +27,8 @@ pub enum Content {
 /// Sample points with their masks, which the members join by AND.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
-    /// Coordinates x, metres.
-    pub x: Vec<f32>,
-    /// Coordinates y, metres.
-    pub y: Vec<f32>,
-    /// Coordinates z, metres.
-    pub z: Vec<f32>,
-    /// Planes of the surfaces the points lie on.
-    pub plane: Vec<u32>,
-    /// The cells that are still seen from each point.
-    pub masks: Vec<u64>,
+    /// Three words a point, as they travel: all masks; then, two to a word, all coordinates x, y, z and planes.
+    words: Vec<u64>,
 }
 
 /// Rays with their nearest hits so far, which the members join by [`Hit::is_nearer`].
@@ -82,14 +74,83 @@ impl Default for Content {
 }
 
 impl Samples {
+    /// The points of several runs, with the cells that are still seen from each point.
+    pub fn of(runs: &[(Points<'_>, &[u64])]) -> Samples {
+        let count: usize = runs.iter().map(|(_, masks)| masks.len()).sum();
+        let mut words = vec![0; 3 * count];
+        let (all, rest) = words.split_at_mut(count);
+        let halves: &mut [u32] = bytemuck::cast_slice_mut(rest);
+        let mut start = 0;
+        for (points, masks) in runs {
+            all[start..][..masks.len()].copy_from_slice(masks);
+            let parts = [points.x, points.y, points.z].map(bytemuck::cast_slice::<f32, u32>);
+            for (i, part) in parts.into_iter().chain([points.plane]).enumerate() {
+                halves[i * count + start..][..part.len()].copy_from_slice(part);
+            }
+            start += masks.len();
+        }
+        Samples { words }
+    }
+
+    /// From words as they travel; they are a multiple of three.
+    pub(super) fn from_words(words: Vec<u64>) -> Samples {
+        assert!(words.len().is_multiple_of(3));
+        Samples { words }
+    }
+
+    /// As they travel.
+    pub(super) fn words(&self) -> &[u64] {
+        &self.words
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.words.len() / 3
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.words.is_empty()
+    }
+
     /// The points.
     pub fn points(&self) -> Points<'_> {
-        Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane }
+        points(&self.words[self.len()..])
+    }
+
+    /// The cells that are still seen from each point.
+    pub fn masks(&self) -> &[u64] {
+        &self.words[..self.len()]
+    }
+
+    /// The points, and the cells that are still seen from each, for occluders to clear bits.
+    pub fn split_mut(&mut self) -> (Points<'_>, &mut [u64]) {
+        let count = self.len();
+        let (masks, rest) = self.words.split_at_mut(count);
+        (points(rest), masks)
     }
 
     /// Whether no point sees anything any more.
     pub fn is_dark(&self) -> bool {
-        self.masks.iter().all(|&mask| mask == 0)
+        self.masks().iter().all(|&mask| mask == 0)
+    }
+
+    /// The plane that all points lie on, if it is one.
+    pub fn plane(&self) -> Option<u32> {
+        let plane = self.points().plane;
+        plane.first().copied().filter(|first| plane.iter().all(|p| p == first))
+    }
+}
+
+/// Coordinates and planes from their words.
+fn points(words: &[u64]) -> Points<'_> {
+    let (floats, planes): (&[f32], &[u32]) = (bytemuck::cast_slice(words), bytemuck::cast_slice(words));
+    let count = words.len() / 2;
+    Points {
+        x: &floats[..count],
+        y: &floats[count..2 * count],
+        z: &floats[2 * count..3 * count],
+        plane: &planes[3 * count..],
     }
 }
 
@@ -119,7 +180,10 @@ impl Content {
     /// What remains when nobody is left to be asked.
     pub fn into_answers(self) -> Answers {
         match self {
-            Content::Samples(samples) => Answers::Masks(samples.masks),
+            Content::Samples(Samples { mut words }) => {
+                words.truncate(words.len() / 3);
+                Answers::Masks(words)
+            }
             Content::Rays(rays) => Answers::Hits(rays.hits),
         }
     }

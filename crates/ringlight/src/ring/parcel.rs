@@ -19,7 +19,7 @@ const SAMPLES: u32 = 0;
 const RAYS: u32 = 1;
 const MASKS: u32 = 2;
 const HITS: u32 = 3;
-const SIZES: [usize; 4] = [size_of::<u64>() + 4 * 4, 4 * (RAY + 2 + HIT), size_of::<u64>(), 4 * HIT];
+const SIZES: [usize; 4] = [3 * size_of::<u64>(), 4 * (RAY + 2 + HIT), size_of::<u64>(), 4 * HIT];
 
 /// Words of a ray.
 const RAY: usize = 9;
@@ -40,12 +40,8 @@ impl Parcel {
         };
         match self {
             Parcel::Onward(Packet { content: Content::Samples(samples), .. }) => {
-                begin(SAMPLES, samples.masks.len());
-                bytes.extend_from_slice(bytemuck::cast_slice(&samples.masks));
-                [&samples.x, &samples.y, &samples.z]
-                    .into_iter()
-                    .for_each(|axis| bytes.extend_from_slice(bytemuck::cast_slice(axis)));
-                bytes.extend_from_slice(bytemuck::cast_slice(&samples.plane));
+                begin(SAMPLES, samples.len());
+                bytes.extend_from_slice(bytemuck::cast_slice(samples.words()));
             }
             Parcel::Onward(Packet { content: Content::Rays(rays), .. }) => {
                 begin(RAYS, rays.rays.len());
@@ -87,11 +83,7 @@ impl Parcel {
         let onward = |content| Parcel::Onward(Packet { shot, home, ticket, content });
         let at_home = |answers| Parcel::Home { shot, ticket, answers };
         Ok(Some(match kind {
-            SAMPLES => {
-                let masks = bytemuck::pod_collect_to_vec(part(8));
-                let [x, y, z] = [(); 3].map(|()| bytemuck::pod_collect_to_vec(part(4)));
-                onward(Content::Samples(Samples { x, y, z, plane: bytemuck::pod_collect_to_vec(part(4)), masks }))
-            }
+            SAMPLES => onward(Content::Samples(Samples::from_words(bytemuck::pod_collect_to_vec(part(24))))),
             RAYS => onward(Content::Rays(Rays {
                 rays: words(part(4 * RAY)).map(ray).collect(),
                 rules: words(part(8)).collect(),
@@ -136,16 +128,13 @@ fn hit([distance, triangle, s, t, side]: [u32; HIT]) -> Option<Hit> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ringlight_visibility::Points;
 
     #[test]
     fn parcels_come_out_as_they_went_in() {
-        let samples = Samples {
-            x: vec![1.5, -0.0],
-            y: vec![2.0, f32::MIN_POSITIVE],
-            z: vec![3.0, 1e30],
-            plane: vec![u32::MAX, 0],
-            masks: vec![u64::MAX, 5],
-        };
+        let (x, y, z, plane) = ([1.5, -0.0], [2.0, f32::MIN_POSITIVE], [3.0, 1e30], [u32::MAX, 0]);
+        let points = Points { x: &x, y: &y, z: &z, plane: &plane };
+        let samples = Samples::of(&[(points, &[u64::MAX, 5])]);
         let hit = Hit { distance: 2.5, triangle: 77, barycentric: [0.25, -0.0], front: true };
         let mut rays = Rays::default();
         for (i, hit) in [None, Some(hit), Some(Hit { front: false, ..hit })].into_iter().enumerate() {
@@ -157,7 +146,7 @@ mod tests {
         let onward = |content| Parcel::Onward(Packet { shot: 1 << 40, home: 3, ticket: 7, content });
         let parcels = [
             onward(Content::Samples(samples.clone())),
-            home(Answers::Masks(samples.masks)),
+            home(Answers::Masks(samples.masks().to_vec())),
             Parcel::Onward(Packet { shot: 2, ..Packet::default() }),
             onward(Content::Rays(rays.clone())),
             home(Answers::Hits(rays.hits)),

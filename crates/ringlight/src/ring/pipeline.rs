@@ -116,7 +116,7 @@ impl Pipeline {
     /// The packet of an [`Action::Test`], with what this member had to say.
     pub fn tested(&mut self, packet: Packet) {
         self.visits.tested += 1;
-        let members = self.shots[&packet.shot].outlines.len();
+        let members = self.shots[&packet.shot].members();
         let visited = (self.place + members - packet.home as usize) % members;
         self.route(packet, visited + 1);
     }
@@ -158,7 +158,7 @@ impl Pipeline {
     /// Sends a packet to the next place, counted from its home, that it visits from `from` on; or home.
     fn route(&mut self, packet: Packet, from: usize) {
         let sight = &self.shots[&packet.shot];
-        let members = sight.outlines.len();
+        let members = sight.members();
         let home = packet.home as usize;
         match self.routing.next(&packet, sight, from).map(|place| (home + place) % members) {
             Some(to) if to == self.place => self.accept(packet),

@@ -1,7 +1,7 @@
 //! Which members a packet visits.
 
-use super::{Bounds, Content, Packet, Rays, Samples};
-use ringlight_visibility::{Region, Shooter};
+use super::{Bounds, Content, Packet, Rays, ShardBox};
+use ringlight_visibility::{NO_PLANE, PreparedShooter, Region};
 use std::sync::Arc;
 
 /// How packets find their way.
@@ -20,16 +20,31 @@ pub enum Routing {
 #[derive(Clone, Debug)]
 pub struct Sight {
     /// The cells; none where only rays are followed.
-    pub shooter: Shooter,
+    shooter: Arc<PreparedShooter>,
     /// Boxes around the shard of each member of the ring.
-    pub outlines: Arc<Vec<Vec<Bounds>>>,
+    outlines: Arc<Vec<Vec<ShardBox>>>,
+    /// Around all.
+    bounds: Bounds,
+}
+
+impl Sight {
+    /// Of these cells, none where only rays are followed; with boxes around the shard of each member of the ring.
+    pub fn new(shooter: Arc<PreparedShooter>, outlines: Arc<Vec<Vec<ShardBox>>>) -> Sight {
+        let bounds = outlines.iter().flatten().fold(Bounds::EMPTY, |sum, part| sum.join(part.bounds));
+        Sight { shooter, outlines, bounds }
+    }
+
+    /// Number of members of the ring.
+    pub fn members(&self) -> usize {
+        self.outlines.len()
+    }
 }
 
 impl Routing {
     /// The next of the places `from..` that the packet visits, counted from its home round the ring; home is 0. Masks only
     /// shrink on the way, and with them the shaft; hits only come nearer.
     pub fn next(self, packet: &Packet, sight: &Sight, from: usize) -> Option<usize> {
-        let members = sight.outlines.len();
+        let members = sight.members();
         let done = match &packet.content {
             Content::Samples(samples) => samples.is_dark(),
             Content::Rays(rays) => rays.rays.is_empty(),
@@ -43,20 +58,20 @@ impl Routing {
         let outline = |place: usize| &sight.outlines[(packet.home as usize + place) % members];
         match &packet.content {
             Content::Samples(samples) => {
-                let region = region(samples, sight);
-                (from..members).find(|&place| outline(place).iter().any(|bounds| region.meets(bounds.low, bounds.high)))
+                let Bounds { low, high } = sight.bounds;
+                let region = Region::new(&sight.shooter, samples.points(), samples.masks(), [low, high]);
+                let own = [samples.plane().unwrap_or(NO_PLANE), sight.shooter.plane()];
+                let may_hide = |part: &ShardBox| {
+                    let beside = part.plane == NO_PLANE || !own.contains(&part.plane);
+                    beside && region.meets(part.bounds.low, part.bounds.high)
+                };
+                (from..members).find(|&place| outline(place).iter().any(may_hide))
             }
             Content::Rays(rays) => {
-                (from..members).find(|&place| outline(place).iter().any(|bounds| may_hit(rays, bounds)))
+                (from..members).find(|&place| outline(place).iter().any(|part| may_hit(rays, &part.bounds)))
             }
         }
     }
-}
-
-/// What lies between the points and the cells that they still see.
-fn region(samples: &Samples, sight: &Sight) -> Region {
-    let all = sight.outlines.iter().flatten().fold(Bounds::EMPTY, |sum, &bounds| sum.join(bounds));
-    Region::new(&sight.shooter, samples.points(), &samples.masks, [all.low, all.high])
 }
 
 /// Whether a ray may hit something in the box that is as near as its nearest hit so far.

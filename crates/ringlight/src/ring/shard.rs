@@ -1,6 +1,8 @@
 //! Shards: who of a ring's members holds which triangles, and what the others know of it.
 
 use super::partition::owners;
+use ringlight_visibility::NO_PLANE;
+use std::collections::BTreeMap;
 
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +20,18 @@ pub struct Piece {
     pub bounds: Bounds,
     /// Number of its triangles.
     pub triangles: u32,
+    /// The plane in which all of them lie, or [`NO_PLANE`] if they do not lie in one.
+    pub plane: u32,
+}
+
+/// A box around a part of a shard: what the other members know of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShardBox {
+    /// The box.
+    pub bounds: Bounds,
+    /// The plane in which all its triangles lie, or [`NO_PLANE`]: they hide nothing from points in this plane, and nothing
+    /// of shooters in it.
+    pub plane: u32,
 }
 
 /// How geometry is dealt out to the members of a ring.
@@ -40,6 +54,12 @@ impl Bounds {
             low: std::array::from_fn(|i| self.low[i].min(other.low[i])),
             high: std::array::from_fn(|i| self.high[i].max(other.high[i])),
         }
+    }
+
+    /// Area of the surface, m².
+    pub fn area(self) -> f32 {
+        let [x, y, z] = std::array::from_fn(|i| (self.high[i] - self.low[i]).max(0.0));
+        2.0 * (x * y + y * z + z * x)
     }
 
     /// Around points.
@@ -68,14 +88,27 @@ pub(super) fn bisect(pieces: &[Piece], weights: &[f64], shares: &[f64]) -> Vec<u
     holders
 }
 
-/// At most so many boxes that together hold the pieces, near ones in one box: what all ranks know of a shard.
-pub fn outline(pieces: &[Piece], boxes: usize) -> Vec<Bounds> {
-    let mut outline = vec![Bounds::EMPTY; boxes];
-    for (&part, piece) in deal(pieces, boxes, Shards::Spatial).iter().zip(pieces) {
-        outline[part as usize] = outline[part as usize].join(piece.bounds);
+/// At most so many boxes that together hold the pieces: what all ranks know of a shard. The pieces in the largest planes,
+/// such as floors and walls, have a box for each plane, because packets on them need not visit their holder; of the others,
+/// near ones are in one box.
+pub fn outline(pieces: &[Piece], boxes: usize) -> Vec<ShardBox> {
+    let mut planes: BTreeMap<u32, Bounds> = BTreeMap::new();
+    for piece in pieces.iter().filter(|piece| piece.plane != NO_PLANE) {
+        let bounds = planes.entry(piece.plane).or_insert(Bounds::EMPTY);
+        *bounds = bounds.join(piece.bounds);
     }
-    outline.retain(|bounds| *bounds != Bounds::EMPTY);
-    outline
+    let mut largest: Vec<ShardBox> = planes.into_iter().map(|(plane, bounds)| ShardBox { bounds, plane }).collect();
+    largest.sort_by(|a, b| b.bounds.area().total_cmp(&a.bounds.area()).then(a.plane.cmp(&b.plane)));
+    largest.truncate(boxes / 2);
+    let others = pieces.iter().filter(|piece| largest.iter().all(|large| large.plane != piece.plane));
+    let others: Vec<Piece> = others.copied().collect();
+    let mut near = vec![Bounds::EMPTY; boxes - largest.len()];
+    for (&part, piece) in deal(&others, near.len(), Shards::Spatial).iter().zip(&others) {
+        near[part as usize] = near[part as usize].join(piece.bounds);
+    }
+    near.retain(|bounds| *bounds != Bounds::EMPTY);
+    largest.extend(near.into_iter().map(|bounds| ShardBox { bounds, plane: NO_PLANE }));
+    largest
 }
 
 struct Bisection<'a> {
@@ -123,7 +156,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn piece(low: [f32; 3], size: f32, triangles: u32) -> Piece {
-        Piece { bounds: Bounds { low, high: low.map(|c| c + size) }, triangles }
+        let plane = if triangles % 3 == 0 { triangles % 7 } else { NO_PLANE };
+        Piece { bounds: Bounds { low, high: low.map(|c| c + size) }, triangles, plane }
     }
 
     proptest! {
@@ -156,7 +190,8 @@ mod tests {
             let outline = outline(&pieces, boxes);
             prop_assert!(outline.len() <= boxes);
             let holds = |b: &Bounds, p: &Bounds| (0..3).all(|i| b.low[i] <= p.low[i] && b.high[i] >= p.high[i]);
-            prop_assert!(pieces.iter().all(|p| outline.iter().any(|b| holds(b, &p.bounds))));
+            let serves = |b: &ShardBox, p: &Piece| holds(&b.bounds, &p.bounds) && [NO_PLANE, p.plane].contains(&b.plane);
+            prop_assert!(pieces.iter().all(|p| outline.iter().any(|b| serves(b, p))));
         }
     }
 

@@ -4,12 +4,12 @@
 mod common;
 
 use super::{
-    Action, Answers, Bounds, Content, Packet, Parcel, Piece, Pipeline, Rays, Rings, Routing, Samples, Shards, Sight,
-    deal, outline,
+    Action, Answers, Bounds, Content, Packet, Parcel, Piece, Pipeline, Rays, Rings, Routing, Samples, ShardBox, Shards,
+    Sight, deal, outline,
 };
 use common::{Place, Random, filters, samples, shooter, triangles};
 use proptest::prelude::*;
-use ringlight_visibility::{Filter, Hierarchy, Hit, NO_PLANE, Ray, Shooter, Triangle};
+use ringlight_visibility::{Filter, Hierarchy, Hit, NO_PLANE, Points, PreparedShooter, Ray, Shooter, Triangle};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -48,7 +48,7 @@ struct Rank {
     shard: Hierarchy,
     /// First rank of its ring.
     first: usize,
-    outlines: Arc<Vec<Vec<Bounds>>>,
+    outlines: Arc<Vec<Vec<ShardBox>>>,
     /// Shots it has been told of; they come in order.
     known: usize,
     /// Own packets that wait for their shot and for room.
@@ -99,8 +99,8 @@ impl Task {
     }
 
     /// The hierarchy and the boxes of each member of a ring.
-    fn shards(&self, way: &Way, members: usize) -> Vec<(Hierarchy, Vec<Bounds>)> {
-        let piece = |t: &Triangle| Piece { bounds: Bounds::around(t.corners), triangles: 1 };
+    fn shards(&self, way: &Way, members: usize) -> Vec<(Hierarchy, Vec<ShardBox>)> {
+        let piece = |t: &Triangle| Piece { bounds: Bounds::around(t.corners), triangles: 1, plane: t.plane };
         let pieces: Vec<Piece> = self.triangles.iter().map(piece).collect();
         let holders = deal(&pieces, members, way.shards);
         (0..members as u32)
@@ -133,13 +133,14 @@ impl Task {
         for (shot, (shooter, samples, rays)) in self.shots.iter().enumerate() {
             for start in (0..samples.x.len()).step_by(way.packet_size) {
                 let range = start..samples.x.len().min(start + way.packet_size);
-                let content = Content::Samples(Samples {
-                    x: samples.x[range.clone()].to_vec(),
-                    y: samples.y[range.clone()].to_vec(),
-                    z: samples.z[range.clone()].to_vec(),
-                    plane: samples.plane[range.clone()].to_vec(),
-                    masks: vec![shooter.cells.all(); range.len()],
-                });
+                let points = Points {
+                    x: &samples.x[range.clone()],
+                    y: &samples.y[range.clone()],
+                    z: &samples.z[range.clone()],
+                    plane: &samples.plane[range.clone()],
+                };
+                let masks = vec![shooter.cells.all(); range.len()];
+                let content = Content::Samples(Samples::of(&[(points, &masks)]));
                 let packet = Packet { shot: shot as u64, home: 0, ticket: start as u32, content };
                 ranks[random.below(way.ranks)].waiting.push_back(packet);
             }
@@ -179,7 +180,10 @@ impl Task {
             let rank = &mut ranks[number];
             if rank.known < self.shots.len() && random.below(10) == 0 {
                 let shooter = self.shots[rank.known].0.clone();
-                rank.pipeline.begin(rank.known as u64, Sight { shooter, outlines: rank.outlines.clone() });
+                rank.pipeline.begin(
+                    rank.known as u64,
+                    Sight::new(Arc::new(PreparedShooter::new(&shooter)), rank.outlines.clone()),
+                );
                 rank.known += 1;
             }
             if let Some(packet) = rank.waiting.front()
@@ -201,10 +205,9 @@ impl Task {
                 Action::Test(mut packet) => {
                     match &mut packet.content {
                         Content::Samples(samples) => {
-                            let mut cleared = std::mem::take(&mut samples.masks);
+                            let (points, masks) = samples.split_mut();
                             let shooter = &self.shots[packet.shot as usize].0;
-                            rank.shard.clear_blocked(shooter, samples.points(), &mut cleared);
-                            samples.masks = cleared;
+                            rank.shard.clear_blocked(shooter, points, masks);
                         }
                         Content::Rays(rays) => rays.test(|ray, rule| nearest_hit(&rank.shard, ray, rule)),
                     }

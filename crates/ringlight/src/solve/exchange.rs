@@ -2,10 +2,10 @@
 
 use super::walking;
 use crate::mesh::Mesh;
-use crate::ring::{Action, Answers, Bounds, Content, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
+use crate::ring::{Action, Answers, Content, Packet, Parcel, Pipeline, Rings, Routing, ShardBox, Sight, Visits};
 use crate::transport::{Communicator, Failure, Message};
 use rayon::prelude::*;
-use ringlight_visibility::{Hierarchy, Shooter, Tally};
+use ringlight_visibility::{Hierarchy, PreparedShooter, Shooter, Tally};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -38,7 +38,7 @@ pub struct RingExchange {
 
 /// A job: what all members of the ring ask about one shooter.
 struct Job {
-    shooter: Shooter,
+    shooter: Arc<PreparedShooter>,
     /// What this rank holds for it.
     hierarchy: Arc<Hierarchy>,
     /// Own packets under way.
@@ -99,13 +99,13 @@ impl RingExchange {
         &mut self,
         number: u64,
         shooter: &Shooter,
-        outlines: Arc<Vec<Vec<Bounds>>>,
+        outlines: Arc<Vec<Vec<ShardBox>>>,
         hierarchy: Arc<Hierarchy>,
     ) {
         assert_eq!(self.outbox.len(), outlines.len(), "every member of the ring has its boxes");
-        self.pipeline.begin(number, Sight { shooter: shooter.clone(), outlines });
+        let shooter = Arc::new(PreparedShooter::new(shooter));
+        self.pipeline.begin(number, Sight::new(shooter.clone(), outlines));
         let done = self.early.remove(&number).unwrap_or(0);
-        let shooter = shooter.clone();
         self.jobs.insert(number, Job { shooter, hierarchy, in_flight: 0, done, here: false, everywhere: false });
     }
 
@@ -135,7 +135,11 @@ impl RingExchange {
             busy = true;
             match action {
                 Action::Send { to, parcel } => {
-                    parcel.write(&mut self.outbox[to]);
+                    let outbox = &mut self.outbox[to];
+                    if outbox.capacity() == 0 {
+                        outbox.reserve(MESSAGE + MESSAGE / 4);
+                    }
+                    parcel.write(outbox);
                     if self.outbox[to].len() >= MESSAGE {
                         self.post(ranks, to);
                     }
@@ -187,10 +191,8 @@ impl RingExchange {
             let Job { shooter, hierarchy, .. } = &self.jobs[&packet.shot];
             match &mut packet.content {
                 Content::Samples(samples) => {
-                    let mut masks = std::mem::take(&mut samples.masks);
-                    let tally = hierarchy.clear_blocked(shooter, samples.points(), &mut masks);
-                    samples.masks = masks;
-                    tally
+                    let (points, masks) = samples.split_mut();
+                    hierarchy.clear_blocked_of(shooter, points, masks)
                 }
                 Content::Rays(rays) => {
                     walking::test(mesh, hierarchy, rays);

@@ -139,30 +139,27 @@ impl<'a> Receiving<'a> {
 
 impl Part for Receiving<'_> {
     fn next(&mut self) -> Option<Packet> {
-        let mut samples = Samples::default();
-        let mut segments = Vec::new();
-        while samples.masks.len() < self.packet_size
+        let (mut segments, mut count) = (Vec::new(), 0);
+        while count < self.packet_size
             && (segments.is_empty() || !self.compact)
             && (!self.filling.is_empty() || self.collect())
         {
             let slot = self.filling[0];
             let Slot { work, sent, .. } = &mut self.slots[slot];
-            let points = work.packet().points();
-            let range = *sent..points.len().min(*sent + self.packet_size - samples.masks.len());
-            samples.x.extend_from_slice(&points.x[range.clone()]);
-            samples.y.extend_from_slice(&points.y[range.clone()]);
-            samples.z.extend_from_slice(&points.z[range.clone()]);
-            samples.plane.extend_from_slice(&points.plane[range.clone()]);
-            samples.masks.extend_from_slice(&work.packet().masks()[range.clone()]);
-            segments.push(Segment { slot, first: range.start, count: range.len() });
-            *sent = range.end;
-            if *sent == work.packet().masks().len() {
+            let left = work.packet().masks().len() - *sent;
+            let segment = Segment { slot, first: *sent, count: left.min(self.packet_size - count) };
+            *sent += segment.count;
+            count += segment.count;
+            if segment.count == left {
                 self.filling.pop_front();
             }
+            segments.push(segment);
         }
         if segments.is_empty() {
             return None;
         }
+        let run = |&Segment { slot, first, count }: &Segment| self.slots[slot].work.packet().run(first..first + count);
+        let samples = Samples::of(&segments.iter().map(run).collect::<Vec<_>>());
         self.under_way.insert(self.tickets, segments);
         self.tickets += 1;
         Some(Packet { ticket: self.tickets - 1, content: Content::Samples(samples), ..Packet::default() })
@@ -174,7 +171,7 @@ impl Part for Receiving<'_> {
         for Segment { slot, first, count } in self.under_way.remove(&ticket).unwrap_or_default() {
             let Slot { work, home, .. } = &mut self.slots[slot];
             let (these, others) = masks.split_at(count);
-            work.packet().masks_mut()[first..first + count].copy_from_slice(these);
+            work.packet_mut().masks_mut()[first..first + count].copy_from_slice(these);
             masks = others;
             *home += count;
             if *home == work.packet().masks().len() {

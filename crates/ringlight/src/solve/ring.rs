@@ -6,7 +6,7 @@ use super::share::{Share, Spread};
 use super::walking::{self, Group, Walking};
 use crate::mesh::walk::Walk;
 use crate::mesh::{self, Mesh};
-use crate::ring::{Bounds, Piece, Visits, deal, outline};
+use crate::ring::{Bounds, Piece, ShardBox, Visits, deal, outline};
 use crate::shooting::{self, ClusterLight, Shot, Work};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Boxes that describe a shard to the other members.
-const OUTLINE: usize = 16;
+const OUTLINE: usize = 64;
 
 /// Most pieces that geometry is dealt out in: every member knows the holder of each.
 const PIECES: usize = 1 << 16;
@@ -37,7 +37,7 @@ pub struct Ring<'a> {
 /// What a ring of several members needs.
 struct Wider<'a> {
     exchange: RingExchange,
-    outlines: Arc<Vec<Vec<Bounds>>>,
+    outlines: Arc<Vec<Vec<ShardBox>>>,
     packet_size: usize,
     /// Shots under way, by the number of their job.
     receiving: BTreeMap<u64, Receiving<'a>>,
@@ -216,5 +216,7 @@ fn receive(mesh: &Mesh, share: &Share, hierarchy: &Hierarchy, shot: &Shot, light
 
 fn piece(facets: &[mesh::Facet]) -> Piece {
     let triangles = facets.iter().map(|f| if f.corners[3] == f.corners[0] { 1 } else { 2 }).sum();
-    Piece { bounds: Bounds::around(facets.iter().flat_map(|f| f.corners).map(|c| c.to_array())), triangles }
+    let plane = facets.first().map(|f| f.plane).filter(|&plane| facets.iter().all(|f| f.plane == plane));
+    let bounds = Bounds::around(facets.iter().flat_map(|f| f.corners).map(|c| c.to_array()));
+    Piece { bounds, triangles, plane: plane.unwrap_or(NO_PLANE) }
 }

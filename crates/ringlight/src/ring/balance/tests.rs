@@ -8,7 +8,7 @@ use std::sync::Arc;
 fn pieces() -> Arc<[Piece]> {
     let piece = |i: u32| {
         let low = [i % 10, i / 10 % 10, i / 100].map(|c| c as f32);
-        Piece { bounds: Bounds { low, high: low.map(|c| c + 1.0) }, triangles: 20 + i * 7 % 24 }
+        Piece { bounds: Bounds { low, high: low.map(|c| c + 1.0) }, triangles: 20 + i * 7 % 24, plane: i }
     };
     (0..700).map(piece).collect()
 }
