@@ -1,4 +1,5 @@
-//! The paper's own experiment (section 4), and dynamic load balancing (section 3.3), on the office over rings of ranks.
+//! The paper's own experiment (section 4), and dynamic load balancing (section 3.3), on the office over rings of ranks that work
+//! one after the other on one thread, so that their CPU times do not disturb each other.
 
 mod balance;
 mod clock;

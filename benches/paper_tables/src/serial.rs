@@ -3,7 +3,7 @@
 use crate::clock::thread_seconds;
 use crate::office::Office;
 use ringlight::mesh::Mesh;
-use ringlight::ring::{Bounds, Load, Packet, Rings, Routing, Sight, outline, owners};
+use ringlight::ring::{Bounds, Content, Load, Packet, Rings, Routing, Samples, Sight, outline, owners};
 use ringlight::shooting::{self, ClusterLight, Shot, Work};
 use ringlight_visibility::Hierarchy;
 use std::sync::Arc;
@@ -13,6 +13,14 @@ pub const PACKET_SIZE: usize = 200;
 
 /// Boxes that describe a shard.
 pub const BOXES: usize = 16;
+
+/// Parcels between two members gather to messages of so many bytes.
+const MESSAGE: u64 = 16 << 10;
+
+/// Bytes of a parcel, of a point on its way, and of its mask on the way home.
+const PARCEL: u64 = 20;
+const POINT: u64 = 24;
+const MASK: u64 = 8;
 
 /// One ring of many.
 pub struct SerialRing<'a> {
@@ -24,6 +32,8 @@ pub struct SerialRing<'a> {
     outlines: Arc<Vec<Vec<Bounds>>>,
     /// Packets that were tested, and their owners' number of packets.
     pub visits: [u64; 2],
+    /// Bytes that each member has sent to each other for the last shot.
+    sent: Vec<Vec<u64>>,
 }
 
 /// The boxes around what each member holds.
@@ -43,8 +53,15 @@ impl<'a> SerialRing<'a> {
             own.map(|c| (c, ClusterLight::new(&office.mesh, c))).collect()
         };
         let own = rings.members(ring).map(own_of).collect();
-        let mut ring =
-            SerialRing { office, routing, own, shards: Vec::new(), outlines: Arc::default(), visits: [0; 2] };
+        let mut ring = SerialRing {
+            office,
+            routing,
+            own,
+            shards: Vec::new(),
+            outlines: Arc::default(),
+            visits: [0; 2],
+            sent: Vec::new(),
+        };
         ring.hold(holders);
         ring
     }
@@ -52,6 +69,12 @@ impl<'a> SerialRing<'a> {
     /// Number of members.
     pub fn members(&self) -> usize {
         self.own.len()
+    }
+
+    /// Messages and bytes that a member has sent for the last shot: parcels to one member gather as far as they can.
+    pub fn traffic(&self, member: usize) -> [u64; 2] {
+        let sent = &self.sent[member];
+        [sent.iter().map(|bytes| bytes.div_ceil(MESSAGE)).sum(), sent.iter().sum()]
     }
 
     /// Geometry moves; gives the longest time that a member builds its hierarchy, seconds.
@@ -71,6 +94,7 @@ impl<'a> SerialRing<'a> {
     pub fn receive(&mut self, shot: &Shot) -> Vec<Load> {
         let members = self.members();
         let mut loads = vec![Load::default(); members];
+        self.sent = vec![vec![0; members]; members];
         let sight = Sight { shooter: shot.shooter.clone(), outlines: self.outlines.clone() };
         for home in 0..members {
             let start = thread_seconds();
@@ -80,26 +104,31 @@ impl<'a> SerialRing<'a> {
             loads[home].other += thread_seconds() - start;
             self.visits[1] += packets.len() as u64;
             for (packet, _) in &mut packets {
-                loads[home].points += packet.masks.len() as u64;
+                let points = samples(packet).masks.len() as u64;
+                loads[home].points += points;
                 let (mut at, mut from) = (home, 0);
                 loop {
                     let start = thread_seconds();
                     let next = self.routing.next(packet, &sight, from);
                     loads[at].other += thread_seconds() - start;
                     let Some(place) = next else { break };
-                    (at, from) = ((home + place) % members, place + 1);
+                    let to = (home + place) % members;
+                    self.sent[at][to] += if to == at { 0 } else { PARCEL + points * POINT };
+                    (at, from) = (to, place + 1);
                     let start = thread_seconds();
-                    let mut masks = std::mem::take(&mut packet.masks);
-                    self.shards[at].clear_blocked(&shot.shooter, packet.points(), &mut masks);
-                    packet.masks = masks;
+                    let samples = samples(packet);
+                    let mut masks = std::mem::take(&mut samples.masks);
+                    self.shards[at].clear_blocked(&shot.shooter, samples.points(), &mut masks);
+                    samples.masks = masks;
                     loads[at].testing += thread_seconds() - start;
                     self.visits[0] += 1;
                 }
+                self.sent[at][home] += if at == home { 0 } else { PARCEL + points * MASK };
             }
             let start = thread_seconds();
-            for (packet, segments) in &packets {
-                let mut masks = packet.masks.as_slice();
-                for &(own, first, count) in segments {
+            for (packet, segments) in &mut packets {
+                let mut masks = samples(packet).masks.as_slice();
+                for &mut (own, first, count) in segments {
                     let (these, rest) = masks.split_at(count);
                     works[own].packet().masks_mut()[first..first + count].copy_from_slice(these);
                     masks = rest;
@@ -117,6 +146,14 @@ impl<'a> SerialRing<'a> {
 /// Points of an own cluster: its place among these, the first point, and how many.
 type Segment = (usize, usize, usize);
 
+/// What a packet asks for: here always masks.
+fn samples(packet: &mut Packet) -> &mut Samples {
+    match &mut packet.content {
+        Content::Samples(samples) => samples,
+        Content::Rays(_) => unreachable!("nobody asks for rays here"),
+    }
+}
+
 /// The packets of one member, as the solver makes them: of one cluster each where their way depends on boxes.
 fn packets(
     mesh: &Mesh,
@@ -133,11 +170,12 @@ fn packets(
         let points = work.packet().points();
         let mut first = 0;
         while first < masks.len() {
-            let full = |(packet, _): &(Packet, _)| packet.masks.len() == PACKET_SIZE;
-            if packets.last().is_none_or(full) || (routing == Routing::Boxes && first == 0) {
+            let full = |(packet, _): &mut (Packet, _)| samples(packet).masks.len() == PACKET_SIZE;
+            if packets.last_mut().is_none_or(full) || (routing == Routing::Boxes && first == 0) {
                 packets.push((Packet { home, ..Packet::default() }, Vec::new()));
             }
             let Some((packet, segments)) = packets.last_mut() else { break };
+            let packet = samples(packet);
             let range = first..masks.len().min(first + PACKET_SIZE - packet.masks.len());
             packet.x.extend_from_slice(&points.x[range.clone()]);
             packet.y.extend_from_slice(&points.y[range.clone()]);

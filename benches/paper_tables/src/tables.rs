@@ -1,26 +1,17 @@
-//! The first shot of the office over rings of ranks (paper, section 4): threads as ranks, busy times by the threads' clocks.
+//! The first shot of the office over rings of ranks (paper, section 4), which work one after the other.
 
-use crate::clock::thread_seconds;
 use crate::office::{Office, Shots};
-use crate::serial::{PACKET_SIZE, SerialRing, outlines};
+use crate::serial::SerialRing;
 use anyhow::{Context, Result};
 use clap::Args;
-use ringlight::ring::{Balance, Bounds, Moves, Rings, Routing, Shards, deal, owners};
-use ringlight::shooting::{ClusterLight, Shot};
-use ringlight::solve::{Ring, RingExchange};
-use ringlight::transport::{Communicator, Failure, threads};
+use ringlight::ring::{Balance, Moves, Rings, Routing, Shards, deal};
+use ringlight::shooting::Shot;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Packets of a rank that are under way at a time.
-const UNDER_WAY: usize = 16;
-
 /// What the paper tells: ranks, rings, efficiency relative to 4 ranks.
 const PAPER: [(usize, usize, f64); 4] = [(8, 1, 0.52), (8, 2, 1.01), (256, 1, 0.067), (256, 64, 0.35)];
-
-/// Tag of the meeting between repetitions.
-const MEETING: u32 = 100;
 
 /// What is run and what a message costs.
 #[derive(Args)]
@@ -78,13 +69,11 @@ struct Row {
 }
 
 /// One rank's part in one shot, on average.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Part {
     busy: f64,
     messages: f64,
     bytes: f64,
-    own: u64,
-    tested: u64,
 }
 
 impl Tables {
@@ -138,29 +127,35 @@ impl Tables {
         (shards, routing): (Shards, Routing),
         balanced: bool,
     ) -> Result<Row> {
-        let rings = cut.ring_of(ranks - 1) + 1;
-        let held = (0..rings)
-            .map(|ring| {
-                let members = cut.members(ring).len();
-                let mut holders = deal(&office.pieces, members, shards);
-                if balanced {
-                    let mut serial = SerialRing::new(office, cut, ranks, ring, &holders, routing);
-                    holders = self.balance(office, shot, &mut serial, holders, shards);
+        let rings = cut.rings();
+        let mut parts = vec![Part::default(); ranks];
+        let mut visits = [0; 2];
+        for ring in 0..rings {
+            let members = cut.members(ring);
+            let mut holders = deal(&office.pieces, members.len(), shards);
+            let mut serial = SerialRing::new(office, cut, ranks, ring, &holders, routing);
+            if balanced {
+                holders = self.balance(office, shot, &mut serial, holders, shards);
+                serial.hold(&holders);
+            }
+            serial.visits = [0; 2];
+            for _ in 0..self.repeat {
+                let loads = serial.receive(shot);
+                for (member, load) in loads.iter().enumerate() {
+                    let [messages, bytes] = serial.traffic(member).map(|n| n as f64);
+                    let part = &mut parts[members.start + member];
+                    part.busy += load.busy() / self.repeat as f64;
+                    (part.messages, part.bytes) = (messages, bytes);
                 }
-                Held { outlines: outlines(office, &holders, members), holders }
-            })
-            .collect();
-        let sizes: Vec<u64> = office.mesh.clusters.iter().map(|c| c.elements.len() as u64).collect();
-        let owners = owners(&sizes, ranks);
-        let experiment = Experiment { office, shot, cut, routing, held, owners, repeat: self.repeat };
-        let parts = threads::run(ranks, |world| experiment.run(world))?;
+            }
+            (0..2).for_each(|i| visits[i] += serial.visits[i]);
+        }
         let modelled = |part: &Part| part.busy + part.messages * self.message + part.bytes * self.byte;
         let members = ranks.div_ceil(rings);
         let fastest_over_slowest = |ring: usize| {
             let busy = || parts[cut.members(ring)].iter().map(|part| part.busy);
             busy().fold(f64::INFINITY, f64::min) / busy().fold(0.0, f64::max)
         };
-        let (own, tested) = parts.iter().fold((0, 0), |(own, tested), p| (own + p.own, tested + p.tested));
         Ok(Row {
             ranks,
             rings,
@@ -173,7 +168,7 @@ impl Tables {
             balance: (0..rings).map(fastest_over_slowest).fold(f64::INFINITY, f64::min),
             efficiency: 0.0,
             paper: PAPER.iter().find(|(n, r, _)| (*n, *r) == (ranks, rings)).map(|&(_, _, efficiency)| efficiency),
-            visits: tested as f64 / own as f64,
+            visits: visits[0] as f64 / visits[1] as f64,
             messages: parts.iter().map(|part| part.messages).sum::<f64>().round() as u64,
             bytes: parts.iter().map(|part| part.bytes).sum::<f64>().round() as u64,
             message_seconds: self.message,
@@ -199,58 +194,6 @@ impl Tables {
         }
         balance.holders().to_vec()
     }
-}
-
-/// The shot over rings of ranks.
-struct Experiment<'a> {
-    office: &'a Office,
-    shot: &'a Shot,
-    cut: Rings,
-    routing: Routing,
-    /// By ring.
-    held: Vec<Held>,
-    /// The rank of each cluster.
-    owners: Vec<u32>,
-    repeat: u64,
-}
-
-impl Experiment<'_> {
-    /// One rank: its shard, its clusters, the shot again and again.
-    fn run(&self, world: &mut Communicator<'_>) -> Result<Part, Failure> {
-        let Experiment { office, shot, cut, routing, held, owners, repeat } = self;
-        let rank = world.rank();
-        let ring = cut.ring_of(rank);
-        let Held { holders, outlines } = &held[ring];
-        let shard = office.shard(holders, (rank - cut.members(ring).start) as u32);
-        let own: Vec<u32> = (0..owners.len() as u32).filter(|&c| owners[c as usize] as usize == rank).collect();
-        let mut light: Vec<ClusterLight> = own.iter().map(|&c| ClusterLight::new(&office.mesh, c as usize)).collect();
-        let mut exchange = RingExchange::new(*cut, rank, outlines.clone(), *routing, UNDER_WAY);
-        let mut busy = 0.0;
-        for number in 0..*repeat {
-            let start = thread_seconds();
-            let mut ring = Ring { shard: &shard, packet_size: PACKET_SIZE, exchange: &mut exchange, ranks: world };
-            ring.receive(&office.mesh, &own, &mut light, number, shot)?;
-            busy += thread_seconds() - start;
-            world.all_reduce(MEETING, [0], |a, _| a)?;
-        }
-        let traffic = world.traffic().iter().filter(|(tag, _)| **tag < MEETING).map(|(_, traffic)| traffic);
-        let (messages, bytes) = traffic.fold((0, 0), |(m, b), traffic| (m + traffic.messages, b + traffic.bytes));
-        let mean = |x: f64| x / *repeat as f64;
-        let visits = exchange.visits();
-        Ok(Part {
-            busy: mean(busy),
-            messages: mean(messages as f64),
-            bytes: mean(bytes as f64),
-            own: visits.own,
-            tested: visits.tested,
-        })
-    }
-}
-
-/// Who of a ring holds what.
-struct Held {
-    holders: Vec<u32>,
-    outlines: Arc<Vec<Vec<Bounds>>>,
 }
 
 impl std::fmt::Display for Row {
