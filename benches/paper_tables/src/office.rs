@@ -6,7 +6,7 @@ use ringlight::resources::{Bytes, Resources};
 use ringlight::ring::{Bounds, Piece};
 use ringlight::scene::{self, ReadOptions};
 use ringlight::shooting::{self, ClusterLight, Shoot, Shot, Work};
-use ringlight_visibility::{Hierarchy, Triangle};
+use ringlight_visibility::{Hierarchy, NO_PLANE, Triangle};
 use std::path::{Path, PathBuf};
 
 /// A scene that is shot in.
@@ -48,6 +48,10 @@ impl Office {
             .map(|all| Piece {
                 bounds: Bounds::around(all.iter().flat_map(|t| t.corners)),
                 triangles: all.len() as u32,
+                plane: match all.first() {
+                    Some(first) if all.iter().all(|t| t.plane == first.plane) => first.plane,
+                    _ => NO_PLANE,
+                },
             })
             .collect();
         Ok(Office { mesh, whole, pieces, triangles })

@@ -3,9 +3,9 @@
 use crate::clock::thread_seconds;
 use crate::office::Office;
 use ringlight::mesh::Mesh;
-use ringlight::ring::{Bounds, Content, Load, Packet, Rings, Routing, Samples, Sight, outline, owners};
+use ringlight::ring::{Content, Load, Packet, Rings, Routing, Samples, ShardBox, Sight, outline, owners};
 use ringlight::shooting::{self, ClusterLight, Shot, Work};
-use ringlight_visibility::Hierarchy;
+use ringlight_visibility::{Hierarchy, PreparedShooter};
 use std::sync::Arc;
 
 /// Points in a packet (paper, section 4).
@@ -29,7 +29,7 @@ pub struct SerialRing<'a> {
     /// The clusters of each member, with their light.
     own: Vec<Vec<(usize, ClusterLight)>>,
     shards: Vec<Hierarchy>,
-    outlines: Arc<Vec<Vec<Bounds>>>,
+    outlines: Arc<Vec<Vec<ShardBox>>>,
     /// Packets that were tested, and their owners' number of packets.
     pub visits: [u64; 2],
     /// Bytes that each member has sent to each other for the last shot.
@@ -37,7 +37,7 @@ pub struct SerialRing<'a> {
 }
 
 /// The boxes around what each member holds.
-pub fn outlines(office: &Office, holders: &[u32], members: usize) -> Arc<Vec<Vec<Bounds>>> {
+pub fn outlines(office: &Office, holders: &[u32], members: usize) -> Arc<Vec<Vec<ShardBox>>> {
     let held =
         |m: u32| office.pieces.iter().zip(holders).filter(move |(_, holder)| **holder == m).map(|(piece, _)| *piece);
     Arc::new((0..members as u32).map(|m| outline(&held(m).collect::<Vec<_>>(), BOXES)).collect())
@@ -95,7 +95,8 @@ impl<'a> SerialRing<'a> {
         let members = self.members();
         let mut loads = vec![Load::default(); members];
         self.sent = vec![vec![0; members]; members];
-        let sight = Sight { shooter: shot.shooter.clone(), outlines: self.outlines.clone() };
+        let shooter = Arc::new(PreparedShooter::new(&shot.shooter));
+        let sight = Sight::new(shooter.clone(), self.outlines.clone());
         for home in 0..members {
             let start = thread_seconds();
             let mut works: Vec<Work> = self.own[home].iter().map(|_| Work::default()).collect();
@@ -104,7 +105,7 @@ impl<'a> SerialRing<'a> {
             loads[home].other += thread_seconds() - start;
             self.visits[1] += packets.len() as u64;
             for (packet, _) in &mut packets {
-                let points = samples(packet).masks.len() as u64;
+                let points = samples(packet).len() as u64;
                 loads[home].points += points;
                 let (mut at, mut from) = (home, 0);
                 loop {
@@ -116,10 +117,8 @@ impl<'a> SerialRing<'a> {
                     self.sent[at][to] += if to == at { 0 } else { PARCEL + points * POINT };
                     (at, from) = (to, place + 1);
                     let start = thread_seconds();
-                    let samples = samples(packet);
-                    let mut masks = std::mem::take(&mut samples.masks);
-                    self.shards[at].clear_blocked(&shot.shooter, samples.points(), &mut masks);
-                    samples.masks = masks;
+                    let (points, masks) = samples(packet).split_mut();
+                    self.shards[at].clear_blocked_of(&shooter, points, masks);
                     loads[at].testing += thread_seconds() - start;
                     self.visits[0] += 1;
                 }
@@ -127,10 +126,10 @@ impl<'a> SerialRing<'a> {
             }
             let start = thread_seconds();
             for (packet, segments) in &mut packets {
-                let mut masks = samples(packet).masks.as_slice();
+                let mut masks = samples(packet).masks();
                 for &mut (own, first, count) in segments {
                     let (these, rest) = masks.split_at(count);
-                    works[own].packet().masks_mut()[first..first + count].copy_from_slice(these);
+                    works[own].packet_mut().masks_mut()[first..first + count].copy_from_slice(these);
                     masks = rest;
                 }
             }
@@ -163,28 +162,26 @@ fn packets(
     routing: Routing,
     home: u32,
 ) -> Vec<(Packet, Vec<Segment>)> {
-    let mut packets: Vec<(Packet, Vec<Segment>)> = Vec::new();
-    for (own, (&cluster, work)) in clusters.iter().zip(works).enumerate() {
+    let mut packets: Vec<Vec<Segment>> = Vec::new();
+    for (own, (&cluster, work)) in clusters.iter().zip(&mut *works).enumerate() {
         shooting::collect(mesh, cluster, shot, work);
-        let masks = work.packet().masks().to_vec();
-        let points = work.packet().points();
-        let mut first = 0;
-        while first < masks.len() {
-            let full = |(packet, _): &mut (Packet, _)| samples(packet).masks.len() == PACKET_SIZE;
-            if packets.last_mut().is_none_or(full) || (routing == Routing::Boxes && first == 0) {
-                packets.push((Packet { home, ..Packet::default() }, Vec::new()));
+        let (mut first, count) = (0, work.packet().masks().len());
+        while first < count {
+            let held = |packet: &Vec<Segment>| packet.iter().map(|segment| segment.2).sum::<usize>();
+            let room = packets.last().map_or(0, |packet| PACKET_SIZE - held(packet));
+            let fresh = room == 0 || (routing == Routing::Boxes && first == 0);
+            let segment = (own, first, (count - first).min(if fresh { PACKET_SIZE } else { room }));
+            match packets.last_mut() {
+                Some(packet) if !fresh => packet.push(segment),
+                _ => packets.push(vec![segment]),
             }
-            let Some((packet, segments)) = packets.last_mut() else { break };
-            let packet = samples(packet);
-            let range = first..masks.len().min(first + PACKET_SIZE - packet.masks.len());
-            packet.x.extend_from_slice(&points.x[range.clone()]);
-            packet.y.extend_from_slice(&points.y[range.clone()]);
-            packet.z.extend_from_slice(&points.z[range.clone()]);
-            packet.plane.extend_from_slice(&points.plane[range.clone()]);
-            packet.masks.extend_from_slice(&masks[range.clone()]);
-            segments.push((own, first, range.len()));
-            first = range.end;
+            first += segment.2;
         }
     }
-    packets
+    let packet = |segments: Vec<Segment>| {
+        let run = |&(own, first, count): &Segment| works[own].packet().run(first..first + count);
+        let content = Content::Samples(Samples::of(&segments.iter().map(run).collect::<Vec<_>>()));
+        (Packet { home, content, ..Packet::default() }, segments)
+    };
+    packets.into_iter().map(packet).collect()
 }
