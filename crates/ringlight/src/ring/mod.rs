@@ -4,6 +4,7 @@
 //! state machines take events and give actions; they know no clock and send nothing themselves, so that a simulator
 //! drives the same code as real ranks do. `README.md` beside this file explains the pipeline.
 
+mod memory;
 mod packet;
 mod partition;
 mod pipeline;
@@ -12,6 +13,7 @@ mod shard;
 #[cfg(test)]
 mod simulator;
 
+pub use memory::Demand;
 pub use packet::{Malformed, Packet, Parcel};
 pub use partition::{Rings, owners};
 pub use pipeline::{Action, Pipeline, Visits};
