@@ -11,14 +11,16 @@ use ringlight::scene::{Place, Warnings};
 use ringlight::shooting::Shoot;
 use ringlight::solution::{Description, Solution};
 use ringlight::solve::{SolveSettings, State, World};
+use ringlight::transport::Communicator;
 
 /// Bakes.
-pub fn bake(arguments: &Bake) -> Result<End, Failure> {
-    let mut run = Run::begin(&arguments.running)?;
+pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
+    let mut run = Run::begin(&arguments.running, &arguments.spread, ranks)?;
     let path = arguments.scene.as_path();
-    outputs::check(&arguments.targets, &Others { scene: Some(path), ..run.others() })?;
+    let others = Others { scene: Some(path), ..run.others() };
+    run.on_first_rank(|| outputs::check(&arguments.targets, &others))?;
     let (scene, read) = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit))?;
-    outputs::check_inputs(&arguments.targets, &run.others(), &read)?;
+    run.on_first_rank(|| outputs::check_inputs(&arguments.targets, &others, &read))?;
     run.warn(&scene.warnings);
     outputs::check_camera(&arguments.display, &scene.cameras)?;
     let options = input::mesh_options(&arguments.sizes);
@@ -29,6 +31,7 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     if !input::has_light(&scene, &mesh, settings.sky) {
         return Err(input::no_light(path));
     }
+    let rings = run.choose_rings(&mesh)?;
     let description = Description::new(&scene);
     let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
     // The geometry is in the mesh now.
@@ -57,7 +60,7 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     if let Some(unit) = arguments.sizes.unit {
         reported.insert("unit".into(), format!("{unit:?}").to_lowercase().into());
     }
-    run.end(&solution, end, reported.into(), outcome)
+    run.end(&solution, rings, end, reported, outcome)
 }
 
 /// The settings that decide the result.

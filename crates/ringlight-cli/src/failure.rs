@@ -60,7 +60,9 @@ impl fmt::Display for Failure {
             Failure::Scene(error) => error.fmt(f),
             // The causes on one line, outermost first.
             Failure::Other(error) => write!(f, "{error:#}"),
-            Failure::Bug(panic) => write!(f, "this is a bug in ringlight: {panic}; please report it with the command line"),
+            Failure::Bug(panic) => {
+                write!(f, "this is a bug in ringlight: {panic}; please report it with the command line")
+            }
         }
     }
 }

@@ -198,10 +198,19 @@ mod tests {
             });
             assert!(codes.expect("threads start").into_iter().all(|found| found.is_ok_and(|found| found == code)));
         }
-        let ends = [End::StoppedEarly, End::Interrupted, End::Done];
+        catch_panics();
         let codes = threads::start(3, |ranks| {
-            run_rank(ranks, Some(1), &|ranks: &mut Communicator<'_>| Ok(ends[ranks.rank()]))
+            run_rank(ranks, Some(2), &|ranks: &mut Communicator<'_>| {
+                let rank = ranks.rank();
+                rayon::join(|| assert_ne!(rank, 1, "rank 1 dislikes its number"), || ());
+                Ok(ranks.wait_for(1, 1).map(|_| End::Done)?)
+            })
         });
+        assert!(codes.expect("threads start").into_iter().all(|found| found.is_ok_and(|found| found == 1)));
+        assert!(Failure::Bug(first_panic()).to_string().contains("dislikes its number"));
+        let ends = [End::StoppedEarly, End::Interrupted, End::Done];
+        let codes =
+            threads::start(3, |ranks| run_rank(ranks, Some(1), &|ranks: &mut Communicator<'_>| Ok(ends[ranks.rank()])));
         assert!(codes.expect("threads start").into_iter().all(|found| found.is_ok_and(|found| found == 4)));
     }
 }

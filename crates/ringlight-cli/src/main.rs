@@ -17,6 +17,7 @@ mod progress;
 mod resume;
 mod run;
 mod signals;
+mod spread;
 mod values;
 mod viewfactors;
 

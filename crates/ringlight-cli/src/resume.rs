@@ -10,18 +10,21 @@ use crate::run::{self, Run};
 use ringlight::mesh;
 use ringlight::solution::Solution;
 use ringlight::solve::World;
+use ringlight::transport::Communicator;
 
 /// Resumes.
-pub fn resume(arguments: &Resume) -> Result<End, Failure> {
-    let mut run = Run::begin(&arguments.running)?;
+pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
+    let mut run = Run::begin(&arguments.running, &arguments.spread, ranks)?;
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
-    outputs::check(&arguments.targets, &Others { scene, resumed: Some(path), ..run.others() })?;
+    let others = Others { scene, resumed: Some(path), ..run.others() };
+    run.on_first_rank(|| outputs::check(&arguments.targets, &others))?;
     let solution = run.stage(Stage::Load, |_| input::solution(path, scene))?;
     outputs::check_camera(&arguments.display, &solution.description.cameras)?;
     // These were said when the scene was read.
     run.remember(&solution.description.warnings);
     run.remember(&bake::skipped(&solution.mesh));
     run.warn(&outputs::missing_images(&solution, &arguments.targets));
+    let rings = run.choose_rings(&solution.mesh)?;
     let Solution { description, mesh, settings, state, images, .. } = solution;
     let hierarchy = run.stage(Stage::Build, |_| mesh::hierarchy(&mesh));
     let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
@@ -34,5 +37,5 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
     let reported = run::settings(&settings, &solution.mesh, &arguments.stop);
-    run.end(&solution, end, reported.into(), outcome)
+    run.end(&solution, rings, end, reported, outcome)
 }

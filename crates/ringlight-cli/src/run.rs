@@ -1,16 +1,20 @@
 //! A run: scene or solution → light → files, stage by stage, timed.
 
-use crate::arguments::{RunArguments, StopArguments, Targets};
+use crate::arguments::{ProgressChoice, RunArguments, SpreadArguments, StopArguments, Targets};
 use crate::failure::{End, Failure};
 use crate::files;
+use crate::launch::COMMAND;
 use crate::machine;
 use crate::outputs::{self, Content, Others, Written};
 use crate::progress::{Reporter, Stage};
 use crate::signals::Signals;
+use crate::spread;
 use crate::values::CheckpointChoice;
 use anyhow::Context;
 use ringlight::mesh::Mesh;
 use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units};
+use ringlight::plan::Counts;
+use ringlight::ring::Rings;
 use ringlight::scene::{Place, Warnings};
 use ringlight::solution::{self, Description, Snapshot, Solution};
 use ringlight::solve::{self, Control, Energy, Progress, SolveSettings, State, StopReason, StopRule, World};
@@ -18,9 +22,14 @@ use ringlight::transport::Communicator;
 use std::io::Write;
 use std::time::Instant;
 
+/// Settings by name, as the report shows them.
+pub type Settings = serde_json::Map<String, serde_json::Value>;
+
 /// What lasts from the start of a command to its end.
-pub struct Run<'a> {
+pub struct Run<'a, 'b> {
     arguments: &'a RunArguments,
+    spread: &'a SpreadArguments,
+    ranks: &'a mut Communicator<'b>,
     start: Instant,
     signals: Signals,
     reporter: Reporter,
@@ -40,14 +49,45 @@ pub struct Solved {
     pub reason: StopReason,
 }
 
-impl<'a> Run<'a> {
-    /// Begins.
-    pub fn begin(arguments: &'a RunArguments) -> Result<Run<'a>, Failure> {
+impl<'a, 'b> Run<'a, 'b> {
+    /// Begins, on every rank; only the first one speaks and writes.
+    pub fn begin(
+        arguments: &'a RunArguments,
+        spread: &'a SpreadArguments,
+        ranks: &'a mut Communicator<'b>,
+    ) -> Result<Run<'a, 'b>, Failure> {
         let start = Instant::now();
+        spread::check(spread, ranks.size())?;
         let signals = Signals::listen().context("signals cannot be listened to")?;
-        let reporter = Reporter::new(arguments.progress, arguments.quiet, arguments.verbose, start);
+        let progress = if ranks.rank() == 0 { arguments.progress } else { ProgressChoice::None };
+        let reporter = Reporter::new(progress, arguments.quiet, arguments.verbose, start);
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
-        Ok(Run { arguments, start, signals, reporter, seconds, warnings })
+        Ok(Run { arguments, spread, ranks, start, signals, reporter, seconds, warnings })
+    }
+
+    fn is_first(&self) -> bool {
+        self.ranks.rank() == 0
+    }
+
+    /// Work for the first rank alone, such as looks at files that it will write; the others wait until it is done.
+    pub fn on_first_rank(&mut self, work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+        if self.is_first() {
+            work()?;
+        }
+        self.ranks.broadcast(0, COMMAND, Vec::new())?;
+        Ok(())
+    }
+
+    /// Chooses the rings, before memory is taken for what they divide.
+    pub fn choose_rings(&mut self, mesh: &Mesh) -> Result<Rings, Failure> {
+        let demand = Counts::of(mesh).demand();
+        let (rings, needed) = spread::choose(self.spread, &demand, self.ranks)?;
+        if rings.ranks() > 1 {
+            let (ranks, count, needed) = (rings.ranks(), rings.count(), spread::in_words(needed));
+            let rings = if count == 1 { "one ring".into() } else { format!("{count} rings") };
+            self.say(&format!("{ranks} ranks in {rings}, each with up to about {needed} of memory"));
+        }
+        Ok(rings)
     }
 
     /// Files besides the outputs that will be written.
@@ -75,14 +115,14 @@ impl<'a> Run<'a> {
 
     /// Says a line, unless the user wants silence.
     pub fn say(&self, text: &str) {
-        if !self.arguments.quiet {
+        if self.is_first() && !self.arguments.quiet {
             self.reporter.say(text);
         }
     }
 
     /// Says a line to those who asked for more.
     pub fn detail(&self, text: &str) {
-        if self.arguments.verbose {
+        if self.is_first() && self.arguments.verbose {
             self.reporter.say(text);
         }
     }
@@ -111,16 +151,17 @@ impl<'a> Run<'a> {
     ) -> Result<Solved, Failure> {
         let rule = StopRule { until: stop.until, max_shots: stop.max_shots };
         let arguments = self.arguments;
-        let mut checkpoint = arguments.checkpoint.as_ref().map(Checkpoint::new);
+        let mut checkpoint = arguments.checkpoint.as_ref().filter(|_| self.is_first()).map(Checkpoint::new);
         let (reason, progress) = self.stage(Stage::Solve, |run| {
-            let result = solve::plain(world, &mut state, &rule, &mut Communicator::alone(), &mut |state, progress| {
-                run.reporter.shot(progress, stop, false);
+            let Run { ranks, reporter, signals, start, .. } = run;
+            let result = solve::plain(world, &mut state, &rule, ranks, &mut |state, progress| {
+                reporter.shot(progress, stop, false);
                 if let Some(checkpoint) = &mut checkpoint {
                     checkpoint.write_if_due(description, world, state);
                 }
-                run.control(stop)
+                control(signals, *start, stop)
             })?;
-            run.reporter.shot(&result.1, stop, true);
+            reporter.shot(&result.1, stop, true);
             Ok::<_, Failure>(result)
         })?;
         if let Some(Checkpoint { failed: Some(error), .. }) = checkpoint {
@@ -132,20 +173,13 @@ impl<'a> Run<'a> {
         Ok(Solved { state, energy, progress, reason })
     }
 
-    fn control(&self, stop: &StopArguments) -> Control {
-        if let Some(reason) = self.signals.reason() {
-            return Control::Stop(reason);
-        }
-        match stop.time_limit {
-            Some(limit) if self.start.elapsed().as_secs_f64() >= limit => Control::Stop(StopReason::TimeLimit),
-            _ => Control::Continue,
-        }
-    }
-
     /// Writes the outputs and the last checkpoint. One that fails does not keep the others from being written.
     pub fn write(&mut self, content: &Content<'_>, targets: &Targets) -> Outcome {
+        let mut outcome = Outcome::default();
+        if !self.is_first() {
+            return outcome;
+        }
         self.stage(Stage::Write, |run| {
-            let mut outcome = Outcome::default();
             if let Some(choice) = &run.arguments.checkpoint {
                 outcome.note(files::write(&choice.file, |out| solution::write(content.solution, out)));
             }
@@ -166,14 +200,17 @@ impl<'a> Run<'a> {
     pub fn end(
         mut self,
         solution: &Solution,
+        rings: Rings,
         (progress, reason): (Progress, StopReason),
-        settings: serde_json::Value,
+        mut settings: Settings,
         outcome: Outcome,
     ) -> Result<End, Failure> {
         self.seconds.total = self.start.elapsed().as_secs_f64();
         let mut errors = outcome.errors;
-        if let Some(path) = &self.arguments.report {
-            let report = self.report(solution, (&progress, reason), settings, outcome.clipped);
+        let ranks = self.rank_reports(rings, &solution.mesh)?;
+        settings.extend(spread::settings(self.spread, rings));
+        if let (Some(path), Some(ranks)) = (&self.arguments.report, ranks) {
+            let report = self.report(ranks, solution, (&progress, reason), settings, outcome.clipped);
             let written = files::write(path, |out| {
                 serde_json::to_writer_pretty(&mut *out, &report)?;
                 out.write_all(b"\n")
@@ -195,15 +232,35 @@ impl<'a> Run<'a> {
         })
     }
 
+    /// What every rank has to report, on the first one.
+    fn rank_reports(&mut self, rings: Rings, mesh: &Mesh) -> Result<Option<Vec<RankReport>>, Failure> {
+        let own = RankReport {
+            rank: self.ranks.rank() as u32,
+            ring: rings.ring_of(self.ranks.rank()) as u32,
+            patches: mesh.patch_count() as u64,
+            elements: mesh.element_count() as u64,
+            shard_triangles: Counts::of(mesh).triangles,
+            busy_seconds: machine::busy_seconds(),
+            wait_seconds: self.ranks.waited_seconds(),
+            bytes_sent: self.ranks.traffic().values().map(|traffic| traffic.bytes).sum(),
+            peak_memory_bytes: machine::peak_private_memory(),
+            ..RankReport::default()
+        };
+        let all = self.ranks.gather(0, COMMAND, serde_json::to_vec(&own).map_err(anyhow::Error::new)?)?;
+        let read = |bytes: Vec<u8>| serde_json::from_slice(&bytes).map_err(|error| anyhow::Error::new(error).into());
+        all.map(|all| all.into_iter().map(read).collect()).transpose()
+    }
+
     fn report(
         &self,
+        ranks: Vec<RankReport>,
         solution: &Solution,
         (progress, reason): (&Progress, StopReason),
-        settings: serde_json::Value,
+        settings: Settings,
         clipped: f64,
     ) -> Report {
         let (mesh, description) = (&solution.mesh, &solution.description);
-        let peak_memory_bytes = machine::peak_private_memory();
+        let peak_memory_bytes = ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0);
         Report {
             schema: report::SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
@@ -211,28 +268,27 @@ impl<'a> Run<'a> {
             units: Units::of(description),
             warnings: report::warnings(&self.warnings),
             scene: SceneReport::new(description, mesh),
-            settings,
+            settings: settings.into(),
             solve: SolveReport::new(progress, reason),
             seconds: self.seconds,
             energy: solution.energy,
             clipped,
             peak_memory_bytes,
             solution_digest: solution::digest(&solution.state),
-            ranks: vec![RankReport {
-                patches: mesh.patch_count() as u64,
-                elements: mesh.element_count() as u64,
-                shard_triangles: occluding_triangles(mesh),
-                busy_seconds: machine::cpu_seconds(),
-                peak_memory_bytes,
-                ..RankReport::default()
-            }],
+            ranks,
         }
     }
 }
 
-/// Triangles of the mesh: two for each quadrilateral.
-pub fn occluding_triangles(mesh: &Mesh) -> u64 {
-    mesh.facets.iter().map(|f| if f.corners[3] == f.corners[0] { 1 } else { 2 }).sum()
+/// Whether to go on: signals, and the time limit.
+fn control(signals: &Signals, start: Instant, stop: &StopArguments) -> Control {
+    if let Some(reason) = signals.reason() {
+        return Control::Stop(reason);
+    }
+    match stop.time_limit {
+        Some(limit) if start.elapsed().as_secs_f64() >= limit => Control::Stop(StopReason::TimeLimit),
+        _ => Control::Continue,
+    }
 }
 
 /// What writing came to.
@@ -272,11 +328,7 @@ fn summary(progress: &Progress, reason: StopReason, seconds: &Seconds) -> String
 }
 
 /// Settings as the report shows them, whatever verb set them.
-pub fn settings(
-    settings: &SolveSettings,
-    mesh: &Mesh,
-    stop: &StopArguments,
-) -> serde_json::Map<String, serde_json::Value> {
+pub fn settings(settings: &SolveSettings, mesh: &Mesh, stop: &StopArguments) -> Settings {
     let shoot = match settings.shoot {
         ringlight::shooting::Shoot::Elements => "elements",
         ringlight::shooting::Shoot::Average => "average",
@@ -291,11 +343,10 @@ pub fn settings(
         "until": stop.until,
         "max_shots": stop.max_shots,
         "time_limit": stop.time_limit,
-        "threads": rayon::current_num_threads(),
     });
     match value {
         serde_json::Value::Object(map) => map,
-        _ => serde_json::Map::new(),
+        _ => Settings::new(),
     }
 }
 

@@ -5,8 +5,8 @@ use ringlight::solve::StopReason;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::io;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Which signals have come.
 #[derive(Clone, Debug, Default)]

@@ -30,7 +30,7 @@ const NODES: u64 = 40;
 const BUILDING: u64 = 100;
 
 /// Bytes of the program itself: code, stacks, buffers, what allocators keep. Measured.
-const PROGRAM: u64 = 24 << 20;
+const PROGRAM: u64 = 8 << 20;
 
 impl Counts {
     /// Those of a mesh.

@@ -59,8 +59,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const DEMAND: Demand =
-        Demand { everywhere: 10, owned: 800, held: 2400, building: 1600, outline: 0, packets: 0 };
+    const DEMAND: Demand = Demand { everywhere: 10, owned: 800, held: 2400, building: 1600, outline: 0, packets: 0 };
 
     #[test]
     fn geometry_is_there_once_in_each_ring_and_light_once_in_all() {

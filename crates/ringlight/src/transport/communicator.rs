@@ -35,7 +35,7 @@ pub struct Communicator<'a> {
     told: bool,
     failed_here: bool,
     traffic: BTreeMap<u32, Traffic>,
-    clock: Option<Box<dyn Fn() -> f64 + Send>>,
+    clock: Option<Box<dyn Fn() -> f64>>,
     waited_seconds: f64,
 }
 
@@ -79,7 +79,7 @@ impl<'a> Communicator<'a> {
     }
 
     /// From now on takes the time of waiting for messages, by a clock that tells seconds.
-    pub fn time_waits(&mut self, clock: Box<dyn Fn() -> f64 + Send>) {
+    pub fn time_waits(&mut self, clock: Box<dyn Fn() -> f64>) {
         self.clock = Some(clock);
     }
 
@@ -234,7 +234,7 @@ impl<'a> Communicator<'a> {
 
     /// Waits for the transport's next message and files it.
     fn take_next(&mut self) {
-        let now = |clock: &Option<Box<dyn Fn() -> f64 + Send>>| clock.as_ref().map_or(0.0, |clock| clock());
+        let now = |clock: &Option<Box<dyn Fn() -> f64>>| clock.as_ref().map_or(0.0, |clock| clock());
         let start = now(&self.clock);
         let message = self.transport.wait();
         self.waited_seconds += now(&self.clock) - start;
