@@ -325,6 +325,9 @@ pub struct MethodArguments {
     /// What a patch shoots: the light of its elements, or their average everywhere
     #[arg(long, value_enum, default_value = "elements")]
     pub shoot: ShootChoice,
+    /// Most shots under way at once, so that many ranks need not wait for each other; decides the order of shots
+    #[arg(long, value_name = "K", default_value = "1", value_parser = values::shooters)]
+    pub shooters_in_flight: u32,
     /// Radiance of a uniform sky above the horizon, one number or R,G,B
     #[arg(long, value_name = "RADIANCE", value_parser = values::radiance)]
     pub sky: Option<[f32; 3]>,
@@ -380,9 +383,9 @@ pub struct SpreadArguments {
     /// Memory that a rank may use, as in 2GiB or 500MB; by default its share of what the system has left
     #[arg(long, value_name = "SIZE", value_parser = values::memory)]
     pub memory_per_rank: Option<u64>,
-    /// Most sample points that travel between ranks and are tested together
-    #[arg(long, value_name = "N", default_value = "200", value_parser = values::packet_size)]
-    pub packet_size: usize,
+    /// Most sample points that travel between ranks and are tested together; a good number by default
+    #[arg(long, value_name = "N", value_parser = values::packet_size)]
+    pub packet_size: Option<usize>,
     /// How geometry is dealt out in a ring
     #[arg(long, value_enum, default_value = "spatial")]
     pub shards: ShardsChoice,

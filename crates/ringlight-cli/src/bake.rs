@@ -12,6 +12,7 @@ use ringlight::shooting::Shoot;
 use ringlight::solution::{Description, Solution};
 use ringlight::solve::{SolveSettings, State, World};
 use ringlight::transport::Communicator;
+use std::sync::Arc;
 
 /// Bakes.
 pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
@@ -31,7 +32,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     if !input::has_light(&scene, &mesh, settings.sky) {
         return Err(input::no_light(path));
     }
-    let rings = run.choose_rings(&mesh)?;
+    run.choose_rings(&mesh)?;
     let description = Description::new(&scene);
     let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
     // The geometry is in the mesh now.
@@ -41,16 +42,18 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
         mesh::find_valid_samples(&mut mesh, &hierarchy);
         hierarchy
     });
-    let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
-    let state = State::new(&world);
+    let hierarchy = Arc::new(hierarchy);
+    let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, hierarchy.clone()));
+    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
+    let state = State::new(&world, run.ranks)?;
     if state.emitted <= 0.0 {
         let mut dark = Warnings::default();
         let message = "no light leaves the lamps: they are covered by other geometry, or shine past the scene";
         dark.add("no-light-leaves", message, Place::new(path.display().to_string(), ""));
         run.warn(&dark);
     }
-    let solved = run.solve(&description, &world, state, &arguments.stop)?;
-    drop(world);
+    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
+    drop((world, ring));
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
@@ -60,7 +63,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     if let Some(unit) = arguments.sizes.unit {
         reported.insert("unit".into(), format!("{unit:?}").to_lowercase().into());
     }
-    run.end(&solution, rings, end, reported, outcome)
+    run.end(&solution, end, reported, outcome)
 }
 
 /// The settings that decide the result.
@@ -69,7 +72,12 @@ pub fn settings(method: &MethodArguments, quality: QualityChoice) -> SolveSettin
         ShootChoice::Elements => Shoot::Elements,
         ShootChoice::Average => Shoot::Average,
     };
-    SolveSettings { cells: method.cells.unwrap_or(input::default_cells(quality)), shoot, sky: method.sky }
+    SolveSettings {
+        cells: method.cells.unwrap_or(input::default_cells(quality)),
+        shoot,
+        sky: method.sky,
+        shooters_in_flight: method.shooters_in_flight,
+    }
 }
 
 /// What meshing changed or left out, as warnings.

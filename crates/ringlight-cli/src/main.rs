@@ -20,6 +20,7 @@ mod signals;
 mod spread;
 mod values;
 mod viewfactors;
+mod watch;
 
 use arguments::{Arguments, Verb};
 use clap::{CommandFactory, Parser};

@@ -9,8 +9,9 @@ use crate::progress::Stage;
 use crate::run::{self, Run};
 use ringlight::mesh;
 use ringlight::solution::Solution;
-use ringlight::solve::World;
+use ringlight::solve::{State, World};
 use ringlight::transport::Communicator;
+use std::sync::Arc;
 
 /// Resumes.
 pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
@@ -24,18 +25,23 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     run.remember(&solution.description.warnings);
     run.remember(&bake::skipped(&solution.mesh));
     run.warn(&outputs::missing_images(&solution, &arguments.targets));
-    let rings = run.choose_rings(&solution.mesh)?;
+    run.choose_rings(&solution.mesh)?;
     let Solution { description, mesh, settings, state, images, .. } = solution;
     let hierarchy = run.stage(Stage::Build, |_| mesh::hierarchy(&mesh));
-    let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
+    let hierarchy = Arc::new(hierarchy);
+    let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, hierarchy.clone()));
+    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
+    let mut clusters: Vec<_> = state.clusters.into_iter().map(Some).collect();
+    let own = world.share.own.iter().filter_map(|&cluster| clusters[cluster as usize].take()).collect();
+    let state = State { clusters: own, ..state };
     if state.emitters_shot as usize > world.emitters.len() {
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }
-    let solved = run.solve(&description, &world, state, &arguments.stop)?;
-    drop(world);
+    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
+    drop((world, ring));
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
     let reported = run::settings(&settings, &solution.mesh, &arguments.stop);
-    run.end(&solution, rings, end, reported, outcome)
+    run.end(&solution, end, reported, outcome)
 }

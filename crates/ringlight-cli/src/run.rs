@@ -9,17 +9,19 @@ use crate::outputs::{self, Content, Others, Written};
 use crate::progress::{Reporter, Stage};
 use crate::signals::Signals;
 use crate::spread;
-use crate::values::CheckpointChoice;
+use crate::watch::{Checkpoint, Watch, whole_state};
 use anyhow::Context;
 use ringlight::mesh::Mesh;
 use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units};
 use ringlight::plan::Counts;
 use ringlight::ring::Rings;
 use ringlight::scene::{Place, Warnings};
-use ringlight::solution::{self, Description, Snapshot, Solution};
-use ringlight::solve::{self, Control, Energy, Progress, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solution::{self, Description, Solution};
+use ringlight::solve::{self, Energy, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
+use ringlight_visibility::Hierarchy;
 use std::io::Write;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Settings by name, as the report shows them.
@@ -29,7 +31,11 @@ pub type Settings = serde_json::Map<String, serde_json::Value>;
 pub struct Run<'a, 'b> {
     arguments: &'a RunArguments,
     spread: &'a SpreadArguments,
-    ranks: &'a mut Communicator<'b>,
+    /// The way to the other ranks.
+    pub ranks: &'a mut Communicator<'b>,
+    rings: Rings,
+    /// What this rank has to report, as far as it is known.
+    own: RankReport,
     start: Instant,
     signals: Signals,
     reporter: Reporter,
@@ -62,7 +68,8 @@ impl<'a, 'b> Run<'a, 'b> {
         let progress = if ranks.rank() == 0 { arguments.progress } else { ProgressChoice::None };
         let reporter = Reporter::new(progress, arguments.quiet, arguments.verbose, start);
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
-        Ok(Run { arguments, spread, ranks, start, signals, reporter, seconds, warnings })
+        let (rings, own) = (Rings::one(ranks.size()), RankReport::default());
+        Ok(Run { arguments, spread, ranks, rings, own, start, signals, reporter, seconds, warnings })
     }
 
     fn is_first(&self) -> bool {
@@ -79,15 +86,15 @@ impl<'a, 'b> Run<'a, 'b> {
     }
 
     /// Chooses the rings, before memory is taken for what they divide.
-    pub fn choose_rings(&mut self, mesh: &Mesh) -> Result<Rings, Failure> {
-        let demand = Counts::of(mesh).demand();
-        let (rings, needed) = spread::choose(self.spread, &demand, self.ranks)?;
+    pub fn choose_rings(&mut self, mesh: &Mesh) -> Result<(), Failure> {
+        let (rings, needed) = spread::choose(self.spread, Counts::of(mesh).demand(), self.ranks)?;
+        self.rings = rings;
         if rings.ranks() > 1 {
-            let (ranks, count, needed) = (rings.ranks(), rings.count(), spread::in_words(needed));
+            let (ranks, count, needed) = (rings.ranks(), rings.rings(), spread::in_words(needed));
             let rings = if count == 1 { "one ring".into() } else { format!("{count} rings") };
             self.say(&format!("{ranks} ranks in {rings}, each with up to about {needed} of memory"));
         }
-        Ok(rings)
+        Ok(())
     }
 
     /// Files besides the outputs that will be written.
@@ -141,36 +148,57 @@ impl<'a, 'b> Run<'a, 'b> {
         self.warnings.0.extend(warnings.0.iter().cloned());
     }
 
+    /// This rank's place in its ring. What a rank alone needs is at hand.
+    pub fn ring<'m>(&self, mesh: &'m Mesh, hierarchy: Arc<Hierarchy>) -> Ring<'m> {
+        if self.rings.ranks() == 1 {
+            return Ring::alone(mesh, hierarchy);
+        }
+        drop(hierarchy);
+        Ring::new(mesh, &spread::spread(self.spread, self.rings), self.ranks.rank())
+    }
+
     /// Solves from `state`, or from the dark, until a stop rule, the time limit or a signal ends it.
     pub fn solve(
         &mut self,
         description: &Description,
         world: &World<'_>,
+        ring: &mut Ring<'_>,
         mut state: State,
         stop: &StopArguments,
     ) -> Result<Solved, Failure> {
         let rule = StopRule { until: stop.until, max_shots: stop.max_shots };
-        let arguments = self.arguments;
-        let mut checkpoint = arguments.checkpoint.as_ref().filter(|_| self.is_first()).map(Checkpoint::new);
-        let (reason, progress) = self.stage(Stage::Solve, |run| {
+        let (reason, progress, checkpoint_failed) = self.stage(Stage::Solve, |run| {
+            let checkpoint = run.arguments.checkpoint.as_ref().filter(|_| run.is_first()).map(Checkpoint::new);
             let Run { ranks, reporter, signals, start, .. } = run;
-            let result = solve::plain(world, &mut state, &rule, ranks, &mut |state, progress| {
-                reporter.shot(progress, stop, false);
-                if let Some(checkpoint) = &mut checkpoint {
-                    checkpoint.write_if_due(description, world, state);
-                }
-                control(signals, *start, stop)
-            })?;
-            reporter.shot(&result.1, stop, true);
-            Ok::<_, Failure>(result)
+            let mut watch = Watch { reporter, signals, start: *start, stop, description, world, checkpoint };
+            let (reason, progress) = solve::plain(world, ring, &mut state, &rule, ranks, &mut watch)?;
+            watch.reporter.shot(&progress, stop, true);
+            Ok::<_, Failure>((reason, progress, watch.checkpoint.and_then(|checkpoint| checkpoint.failed)))
         })?;
-        if let Some(Checkpoint { failed: Some(error), .. }) = checkpoint {
+        if let Some(error) = checkpoint_failed {
             let mut warnings = Warnings::default();
             warnings.add("checkpoint-failed", format!("a checkpoint failed: {error}"), Place::default());
             self.warn(&warnings);
         }
-        let energy = state.energy(world);
+        self.note_share(ring);
+        let energy = state.energy(world, self.ranks)?;
+        let state = whole_state(&state, world, self.ranks)?;
         Ok(Solved { state, energy, progress, reason })
+    }
+
+    /// Notes this rank's share of the work, for the report.
+    fn note_share(&mut self, ring: &Ring<'_>) {
+        let (rank, clusters) = (self.ranks.rank(), &ring.mesh().clusters);
+        let own = ring.share().own.iter().map(|&cluster| &clusters[cluster as usize]);
+        self.own = RankReport {
+            rank: rank as u32,
+            ring: self.rings.ring_of(rank) as u32,
+            patches: own.clone().map(|cluster| cluster.patches.len() as u64).sum(),
+            elements: own.map(|cluster| cluster.elements.len() as u64).sum(),
+            shard_triangles: (ring.hierarchy().triangles().len() + ring.hierarchy().slivers()) as u64,
+            packets_visited: ring.visits().tested,
+            ..RankReport::default()
+        };
     }
 
     /// Writes the outputs and the last checkpoint. One that fails does not keep the others from being written.
@@ -200,15 +228,14 @@ impl<'a, 'b> Run<'a, 'b> {
     pub fn end(
         mut self,
         solution: &Solution,
-        rings: Rings,
         (progress, reason): (Progress, StopReason),
         mut settings: Settings,
         outcome: Outcome,
     ) -> Result<End, Failure> {
         self.seconds.total = self.start.elapsed().as_secs_f64();
         let mut errors = outcome.errors;
-        let ranks = self.rank_reports(rings, &solution.mesh)?;
-        settings.extend(spread::settings(self.spread, rings));
+        let ranks = self.rank_reports()?;
+        settings.extend(spread::settings(self.spread, self.rings));
         if let (Some(path), Some(ranks)) = (&self.arguments.report, ranks) {
             let report = self.report(ranks, solution, (&progress, reason), settings, outcome.clipped);
             let written = files::write(path, |out| {
@@ -233,18 +260,13 @@ impl<'a, 'b> Run<'a, 'b> {
     }
 
     /// What every rank has to report, on the first one.
-    fn rank_reports(&mut self, rings: Rings, mesh: &Mesh) -> Result<Option<Vec<RankReport>>, Failure> {
+    fn rank_reports(&mut self) -> Result<Option<Vec<RankReport>>, Failure> {
         let own = RankReport {
-            rank: self.ranks.rank() as u32,
-            ring: rings.ring_of(self.ranks.rank()) as u32,
-            patches: mesh.patch_count() as u64,
-            elements: mesh.element_count() as u64,
-            shard_triangles: Counts::of(mesh).triangles,
             busy_seconds: machine::busy_seconds(),
             wait_seconds: self.ranks.waited_seconds(),
             bytes_sent: self.ranks.traffic().values().map(|traffic| traffic.bytes).sum(),
             peak_memory_bytes: machine::peak_private_memory(),
-            ..RankReport::default()
+            ..self.own
         };
         let all = self.ranks.gather(0, COMMAND, serde_json::to_vec(&own).map_err(anyhow::Error::new)?)?;
         let read = |bytes: Vec<u8>| serde_json::from_slice(&bytes).map_err(|error| anyhow::Error::new(error).into());
@@ -277,17 +299,6 @@ impl<'a, 'b> Run<'a, 'b> {
             solution_digest: solution::digest(&solution.state),
             ranks,
         }
-    }
-}
-
-/// Whether to go on: signals, and the time limit.
-fn control(signals: &Signals, start: Instant, stop: &StopArguments) -> Control {
-    if let Some(reason) = signals.reason() {
-        return Control::Stop(reason);
-    }
-    match stop.time_limit {
-        Some(limit) if start.elapsed().as_secs_f64() >= limit => Control::Stop(StopReason::TimeLimit),
-        _ => Control::Continue,
     }
 }
 
@@ -340,6 +351,7 @@ pub fn settings(settings: &SolveSettings, mesh: &Mesh, stop: &StopArguments) -> 
         "cells": settings.cells,
         "shoot": shoot,
         "sky": settings.sky,
+        "shooters_in_flight": settings.shooters_in_flight,
         "until": stop.until,
         "max_shots": stop.max_shots,
         "time_limit": stop.time_limit,
@@ -347,31 +359,5 @@ pub fn settings(settings: &SolveSettings, mesh: &Mesh, stop: &StopArguments) -> 
     match value {
         serde_json::Value::Object(map) => map,
         _ => Settings::new(),
-    }
-}
-
-/// Saves the solution as it goes.
-struct Checkpoint<'a> {
-    choice: &'a CheckpointChoice,
-    last: Instant,
-    failed: Option<String>,
-}
-
-impl<'a> Checkpoint<'a> {
-    fn new(choice: &'a CheckpointChoice) -> Checkpoint<'a> {
-        Checkpoint { choice, last: Instant::now(), failed: None }
-    }
-
-    /// A failed write is kept to be told, and tried again when the next one is due: the disk may have room by then.
-    fn write_if_due(&mut self, description: &Description, world: &World<'_>, state: &State) {
-        if self.last.elapsed().as_secs_f64() < self.choice.seconds {
-            return;
-        }
-        let energy = state.energy(world);
-        let snapshot = Snapshot { description, mesh: world.mesh, settings: &world.settings, state, energy: &energy };
-        if let Err(error) = files::write(&self.choice.file, |out| solution::write_snapshot(&snapshot, out)) {
-            self.failed = Some(format!("{error:#}"));
-        }
-        self.last = Instant::now();
     }
 }

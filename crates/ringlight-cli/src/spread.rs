@@ -1,13 +1,14 @@
 //! How a solve is spread over ranks: the number of rings that memory allows.
 
-use crate::arguments::SpreadArguments;
+use crate::arguments::{RoutingChoice, ShardsChoice, SpreadArguments};
 use crate::failure::Failure;
 use crate::launch::{COMMAND, ranks_with_the_same};
 use crate::machine::{self, MemoryLeft};
 use crate::run::Settings;
 use crate::values::RingsChoice;
 use anyhow::anyhow;
-use ringlight::ring::{Demand, Rings};
+use ringlight::ring::{Demand, Rings, Routing, Shards};
+use ringlight::solve::{OUTLINE, Spread};
 use ringlight::transport::{self, Communicator};
 
 /// Says what is wrong with the number of rings asked for, before anything is read.
@@ -21,14 +22,30 @@ pub fn check(arguments: &SpreadArguments, ranks: usize) -> Result<(), Failure> {
     }
 }
 
+/// How the work is spread over the ranks of these rings.
+pub fn spread(arguments: &SpreadArguments, rings: Rings) -> Spread {
+    let best = Spread::new(rings);
+    let shards = match arguments.shards {
+        ShardsChoice::Spatial => Shards::Spatial,
+        ShardsChoice::Random => Shards::Random,
+    };
+    let routing = match arguments.routing {
+        RoutingChoice::Boxes => Routing::Boxes,
+        RoutingChoice::All => Routing::All,
+    };
+    Spread { shards, routing, packet_size: arguments.packet_size.unwrap_or(best.packet_size), ..best }
+}
+
 /// The rings, and the memory that each rank needs at most, bytes. An error if that is more than there is; the same on all
 /// ranks.
 pub fn choose(
     arguments: &SpreadArguments,
-    demand: &Demand,
+    demand: Demand,
     ranks: &mut Communicator<'_>,
 ) -> Result<(Rings, u64), Failure> {
     let size = ranks.size();
+    let Spread { window, packet_size, .. } = spread(arguments, Rings::one(size));
+    let demand = demand.with_packets(window, packet_size, OUTLINE);
     let available = match arguments.memory_per_rank {
         Some(bytes) => bytes,
         None => share_of_what_is_left(ranks, machine::memory_left())?,
@@ -47,7 +64,7 @@ pub fn choose(
     };
     let needed = Rings::new(size, asked).map_or(u64::MAX, |rings| demand.of_a_rank(rings));
     let way_out = match (fitting, demand.fewest_ranks(available)) {
-        (Some(rings), _) => format!("--rings {} would do", rings.count()),
+        (Some(rings), _) => format!("--rings {} would do", rings.rings()),
         (None, Some(fewest)) => format!("{fewest} ranks in one ring would do"),
         (None, None) => "no number of ranks would do".into(),
     };
@@ -69,13 +86,13 @@ fn share_of_what_is_left(ranks: &mut Communicator<'_>, left: MemoryLeft) -> Resu
 
 /// Settings as the report shows them.
 pub fn settings(arguments: &SpreadArguments, rings: Rings) -> Settings {
-    let SpreadArguments { memory_per_rank, packet_size, shards, routing, .. } = *arguments;
+    let SpreadArguments { memory_per_rank, shards, routing, .. } = *arguments;
     Settings::from_iter([
         ("threads".into(), rayon::current_num_threads().into()),
         ("ranks".into(), rings.ranks().into()),
-        ("rings".into(), rings.count().into()),
+        ("rings".into(), rings.rings().into()),
         ("memory_per_rank".into(), memory_per_rank.into()),
-        ("packet_size".into(), packet_size.into()),
+        ("packet_size".into(), spread(arguments, rings).packet_size.into()),
         ("shards".into(), format!("{shards:?}").to_lowercase().into()),
         ("routing".into(), format!("{routing:?}").to_lowercase().into()),
     ])
@@ -93,20 +110,19 @@ pub fn in_words(bytes: u64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arguments::{RoutingChoice, ShardsChoice};
     use ringlight::transport::threads;
 
     fn arguments(rings: RingsChoice, memory_per_rank: Option<u64>) -> SpreadArguments {
         let (shards, routing) = (ShardsChoice::Spatial, RoutingChoice::Boxes);
-        SpreadArguments { ranks: None, rings, memory_per_rank, packet_size: 200, shards, routing }
+        SpreadArguments { ranks: None, rings, memory_per_rank, packet_size: None, shards, routing }
     }
 
     fn chosen(size: usize, rings: RingsChoice, memory: u64) -> Result<usize, String> {
         let demand = Demand { owned: 8 << 30, held: 16 << 30, ..Demand::default() };
-        let choice = |ranks: &mut Communicator<'_>| choose(&arguments(rings, Some(memory)), &demand, ranks);
+        let choice = |ranks: &mut Communicator<'_>| choose(&arguments(rings, Some(memory)), demand, ranks);
         let all = threads::run(size, choice).map_err(|failure| failure.to_string())?;
         assert!(all.windows(2).all(|pair| pair[0] == pair[1]));
-        Ok(all[0].0.count())
+        Ok(all[0].0.rings())
     }
 
     #[test]

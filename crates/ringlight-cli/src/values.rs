@@ -121,6 +121,14 @@ pub fn packet_size(text: &str) -> Result<usize, String> {
     }
 }
 
+/// Shooters in flight: 1 to 1024.
+pub fn shooters(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(n @ 1..=1024) => Ok(n),
+        _ => Err("expected a number from 1 to 1024".into()),
+    }
+}
+
 /// Bytes: a number with a unit.
 pub fn memory(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, u64); 9] = [

@@ -34,8 +34,8 @@ impl Demand {
     /// What the rank needs that needs most: a member of the ring that has the fewest.
     pub fn of_a_rank(&self, rings: Rings) -> u64 {
         let ranks = rings.ranks() as u64;
-        let members = ranks / rings.count() as u64;
-        let travelling = if rings.count() == rings.ranks() { 0 } else { ranks.div_ceil(rings.count() as u64) };
+        let members = ranks / rings.rings() as u64;
+        let travelling = if rings.rings() == rings.ranks() { 0 } else { ranks.div_ceil(rings.rings() as u64) };
         let held = self.held.div_ceil(members);
         let solving = self.owned.div_ceil(ranks) + travelling * (self.packets + self.outline);
         self.everywhere + held + solving.max(self.building.div_ceil(members))
@@ -49,8 +49,7 @@ impl Demand {
 
     /// The least number of ranks that would do, in one ring; none if no number up to 65536 does.
     pub fn fewest_ranks(&self, available: u64) -> Option<usize> {
-        let fits = |ranks: &usize| Rings::new(*ranks, 1).is_some_and(|ring| self.of_a_rank(ring) <= available);
-        (1..=1 << 16).find(fits)
+        (1..=1 << 16).find(|&ranks| self.of_a_rank(Rings::one(ranks)) <= available)
     }
 }
 
@@ -96,7 +95,7 @@ mod tests {
             match demand.most_rings(ranks, available) {
                 Some(rings) => {
                     prop_assert!(fits(rings));
-                    let more = rings.count() + 1..=ranks;
+                    let more = rings.rings() + 1..=ranks;
                     prop_assert!(more.into_iter().all(|r| !fits(Rings::new(ranks, r).unwrap())));
                 }
                 None => prop_assert!(!fits(Rings::new(ranks, 1).unwrap())),
