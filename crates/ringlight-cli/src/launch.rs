@@ -104,11 +104,13 @@ pub fn speaks() -> bool {
     launched().is_none_or(|launched| launched.rank == 0)
 }
 
-/// Says why nothing is done; once, however many processes were started.
+/// Says why nothing is done; once, however many processes were started. The code is the first one's: launchers end all
+/// processes when any fails, which might be before it has spoken.
 pub fn refuse(failure: &Failure) -> ExitCode {
-    if speaks() {
-        complain(failure);
+    if !speaks() {
+        return ExitCode::SUCCESS;
     }
+    complain(failure);
     failure.code().into()
 }
 

@@ -117,9 +117,11 @@ mod tests {
         SpreadArguments { ranks: None, rings, memory_per_rank, packet_size: None, shards, routing }
     }
 
+    /// With so many GiB for each rank, and some for packets.
     fn chosen(size: usize, rings: RingsChoice, memory: u64) -> Result<usize, String> {
         let demand = Demand { owned: 8 << 30, held: 16 << 30, ..Demand::default() };
-        let choice = |ranks: &mut Communicator<'_>| choose(&arguments(rings, Some(memory)), demand, ranks);
+        let memory = Some((memory << 30) + (32 << 20));
+        let choice = |ranks: &mut Communicator<'_>| choose(&arguments(rings, memory), demand, ranks);
         let all = threads::run(size, choice).map_err(|failure| failure.to_string())?;
         assert!(all.windows(2).all(|pair| pair[0] == pair[1]));
         Ok(all[0].0.rings())
@@ -127,18 +129,18 @@ mod tests {
 
     #[test]
     fn as_many_rings_as_memory_allows() {
-        assert_eq!(chosen(8, RingsChoice::Auto, 17 << 30), Ok(8));
-        assert_eq!(chosen(8, RingsChoice::Auto, 9 << 30), Ok(4));
-        assert_eq!(chosen(8, RingsChoice::Auto, 3 << 30), Ok(1));
-        assert_eq!(chosen(8, RingsChoice::Number(2), 9 << 30), Ok(2));
+        assert_eq!(chosen(8, RingsChoice::Auto, 17), Ok(8));
+        assert_eq!(chosen(8, RingsChoice::Auto, 9), Ok(4));
+        assert_eq!(chosen(8, RingsChoice::Auto, 3), Ok(1));
+        assert_eq!(chosen(8, RingsChoice::Number(2), 9), Ok(2));
     }
 
     #[test]
     fn what_does_not_fit_is_told_with_what_would_do() {
-        let refused = chosen(1, RingsChoice::Auto, 2 << 30).unwrap_err();
+        let refused = chosen(1, RingsChoice::Auto, 2).unwrap_err();
         assert!(refused.contains("24.0 GiB") && refused.contains("may use 2.0 GiB"), "{refused}");
         assert!(refused.contains("12 ranks in one ring would do"), "{refused}");
-        let refused = chosen(8, RingsChoice::Number(8), 9 << 30).unwrap_err();
+        let refused = chosen(8, RingsChoice::Number(8), 9).unwrap_err();
         assert!(refused.contains("17.0 GiB") && refused.contains("--rings 4 would do"), "{refused}");
     }
 
