@@ -139,7 +139,8 @@ impl Communicator<'_> {
             if let Some(message) = self.receive_where(fits)? {
                 return Ok(message.bytes);
             }
-            if !serve(self)? {
+            // Serving takes in what has arrived, which may be the message.
+            if !serve(self)? && !self.has_set_aside(fits) {
                 self.wait_for_more()?;
             }
         }

@@ -129,6 +129,11 @@ impl<'a> Communicator<'a> {
         Ok(place.and_then(|place| self.aside.remove(place)))
     }
 
+    /// Whether a message that fits has come while another one was waited for.
+    pub(super) fn has_set_aside(&self, fits: impl Fn(&Message) -> bool) -> bool {
+        self.aside.iter().any(fits)
+    }
+
     /// Waits for a message that fits. Others stay for later.
     pub fn wait_where(&mut self, fits: impl Fn(&Message) -> bool) -> Result<Message, Failure> {
         loop {

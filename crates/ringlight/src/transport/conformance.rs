@@ -12,7 +12,7 @@ type Case = fn(&mut Communicator<'_>) -> Result<(), Failure>;
 
 /// Runs the suite; an error on every rank if anything is wrong on any.
 pub fn check(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
-    let cases: [Case; 11] = [
+    let cases: [Case; 12] = [
         all_send_before_any_receives,
         order_is_kept_across_tags,
         a_token_goes_round,
@@ -22,6 +22,7 @@ pub fn check(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
         every_root_broadcasts,
         every_root_gathers,
         collectives_pass_by_other_messages,
+        what_is_taken_in_while_serving_is_not_waited_for,
         traffic_is_counted,
         waiting_is_timed,
     ];
@@ -193,6 +194,19 @@ fn collectives_pass_by_other_messages(ranks: &mut Communicator<'_>) -> Result<()
             let bytes = ranks.wait_for(from, 7)?;
             expect(ranks, bytes == [number], || format!("rank {this} got {bytes:?} as number {number}"))?;
         }
+    }
+    Ok(())
+}
+
+/// Other work takes in all that has arrived, also what the collective operation waits for.
+fn what_is_taken_in_while_serving_is_not_waited_for(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+    let mut serve = |ranks: &mut Communicator<'_>| {
+        std::thread::sleep(Duration::from_millis(3));
+        ranks.receive_where(|_| false).map(|message| message.is_some())
+    };
+    for round in 0..5 {
+        ranks.all_reduce_meanwhile(15, [round], |a, b| a.max(b), &mut serve)?;
+        ranks.broadcast_meanwhile(0, 15, vec![round], &mut serve)?;
     }
     Ok(())
 }
