@@ -23,7 +23,10 @@ pub fn run(root: &Path) -> Result<()> {
     };
     cargo("lints", &format!("clippy {packages} --all-targets --quiet -- -D warnings"))?;
     if tools.message_passing {
-        cargo("lints of the command over MPI", "clippy -p ringlight-cli --features mpi --all-targets --quiet -- -D warnings")?;
+        cargo(
+            "lints of the command over MPI",
+            "clippy -p ringlight-cli --features mpi --all-targets --quiet -- -D warnings",
+        )?;
     }
     let mut documentation = command(root, env!("CARGO"), &format!("doc {packages} --no-deps --quiet"));
     documentation.env("RUSTDOCFLAGS", "-D warnings");

@@ -44,7 +44,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     });
     let hierarchy = Arc::new(hierarchy);
     let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, hierarchy.clone()));
-    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
+    let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
     let state = State::new(&world, run.ranks)?;
     if state.emitted <= 0.0 {
         let mut dark = Warnings::default();

@@ -30,7 +30,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let hierarchy = run.stage(Stage::Build, |_| mesh::hierarchy(&mesh));
     let hierarchy = Arc::new(hierarchy);
     let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, hierarchy.clone()));
-    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
+    let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
     let mut clusters: Vec<_> = state.clusters.into_iter().map(Some).collect();
     let own = world.share.own.iter().filter_map(|&cluster| clusters[cluster as usize].take()).collect();
     let state = State { clusters: own, ..state };
