@@ -12,7 +12,6 @@ use ringlight::shooting::Shoot;
 use ringlight::solution::{Description, Solution};
 use ringlight::solve::{SolveSettings, State, World};
 use ringlight::transport::Communicator;
-use std::sync::Arc;
 
 /// Bakes.
 pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
@@ -37,13 +36,8 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
     // The geometry is in the mesh now.
     drop(scene);
-    let hierarchy = run.stage(Stage::Build, |_| {
-        let hierarchy = mesh::hierarchy(&mesh);
-        mesh::find_valid_samples(&mut mesh, &hierarchy);
-        hierarchy
-    });
-    let hierarchy = Arc::new(hierarchy);
-    let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, hierarchy.clone()));
+    let hierarchy = run.stage(Stage::Build, |run| run.find_valid_samples(&mut mesh))?;
+    let mut ring = run.ring(&mesh, Some(hierarchy));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
     let state = State::new(&world, run.ranks)?;
     if state.emitted <= 0.0 {
@@ -53,10 +47,11 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
         run.warn(&dark);
     }
     let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
+    let hierarchy = run.whole_hierarchy(&ring);
     drop((world, ring));
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
-    let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
+    let outcome = run.write(&Content::new(&solution, &arguments.display, hierarchy), &arguments.targets);
     let mut reported = run::settings(&settings, &solution.mesh, &arguments.stop);
     let quality = arguments.sizes.quality;
     reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());

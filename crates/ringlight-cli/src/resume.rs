@@ -7,11 +7,9 @@ use crate::input;
 use crate::outputs::{self, Content, Others};
 use crate::progress::Stage;
 use crate::run::{self, Run};
-use ringlight::mesh;
 use ringlight::solution::Solution;
 use ringlight::solve::{State, World};
 use ringlight::transport::Communicator;
-use std::sync::Arc;
 
 /// Resumes.
 pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
@@ -27,9 +25,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     run.warn(&outputs::missing_images(&solution, &arguments.targets));
     run.choose_rings(&solution.mesh)?;
     let Solution { description, mesh, settings, state, images, .. } = solution;
-    let hierarchy = run.stage(Stage::Build, |_| mesh::hierarchy(&mesh));
-    let hierarchy = Arc::new(hierarchy);
-    let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, hierarchy.clone()));
+    let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, None));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
     let mut clusters: Vec<_> = state.clusters.into_iter().map(Some).collect();
     let own = world.share.own.iter().filter_map(|&cluster| clusters[cluster as usize].take()).collect();
@@ -38,10 +34,11 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }
     let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
+    let hierarchy = run.whole_hierarchy(&ring);
     drop((world, ring));
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
-    let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
+    let outcome = run.write(&Content::new(&solution, &arguments.display, hierarchy), &arguments.targets);
     let reported = run::settings(&settings, &solution.mesh, &arguments.stop);
     run.end(&solution, end, reported, outcome)
 }

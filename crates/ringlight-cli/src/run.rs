@@ -148,13 +148,32 @@ impl<'a, 'b> Run<'a, 'b> {
         self.warnings.0.extend(warnings.0.iter().cloned());
     }
 
-    /// This rank's place in its ring. What a rank alone needs is at hand.
-    pub fn ring<'m>(&self, mesh: &'m Mesh, hierarchy: Arc<Hierarchy>) -> Ring<'m> {
-        if self.rings.ranks() == 1 {
-            return Ring::alone(mesh, hierarchy);
+    /// This rank's place in its ring, with the hierarchy of its shard if it has been built before.
+    pub fn ring<'m>(&self, mesh: &'m Mesh, hierarchy: Option<Arc<Hierarchy>>) -> Ring<'m> {
+        Ring::with(mesh, &spread::spread(self.spread, self.rings), self.ranks.rank(), hierarchy)
+    }
+
+    /// Finds the samples of the mesh that lie free, each rank those of its own clusters, and tells all. Gives the hierarchy
+    /// of this rank's shard.
+    pub fn find_valid_samples(&mut self, mesh: &mut Mesh) -> Result<Arc<Hierarchy>, Failure> {
+        let mut ring = self.ring(mesh, None);
+        let own = ring.find_valid_samples(self.ranks)?;
+        let (hierarchy, share) = (ring.hierarchy().clone(), ring.share().clone());
+        drop(ring);
+        let all = self.ranks.all_gather(COMMAND, own.iter().flat_map(|bits| bits.to_le_bytes()).collect())?;
+        let mut parts: Vec<_> = all.iter().map(|part| part.as_chunks().0.iter()).collect();
+        for (cluster, &owner) in mesh.clusters.iter().zip(&share.owners) {
+            let elements = cluster.elements.start as usize..cluster.elements.end as usize;
+            let found = &mut parts[owner as usize];
+            mesh.valid[elements].iter_mut().zip(found).for_each(|(valid, bits)| *valid = u16::from_le_bytes(*bits));
         }
-        drop(hierarchy);
-        Ring::new(mesh, &spread::spread(self.spread, self.rings), self.ranks.rank())
+        Ok(hierarchy)
+    }
+
+    /// The hierarchy of the whole scene, if this rank's ring has no other member.
+    pub fn whole_hierarchy(&self, ring: &Ring<'_>) -> Option<Arc<Hierarchy>> {
+        let alone = self.rings.members(self.rings.ring_of(self.ranks.rank())).len() == 1;
+        alone.then(|| ring.hierarchy().clone())
     }
 
     /// Solves from `state`, or from the dark, until a stop rule, the time limit or a signal ends it.
