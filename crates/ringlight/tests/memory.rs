@@ -34,11 +34,11 @@ fn what_is_foretold_is_what_is_stored() {
             size_of_val(&light) + size_of_val(&*light.elements) + size_of_val(&*light.patches)
         });
         assert_eq!(counts.light_bytes(), light.sum::<usize>() as u64, "{name}");
-        // Nodes are not all full: the foretold ones are up to a quarter more or less than those of large scenes.
+        // Nodes of small scenes are hardly full; of others the whole is within a quarter.
         let hierarchy = mesh::hierarchy(&mesh);
         assert_eq!(counts.triangles as usize, hierarchy.triangles().len() + hierarchy.slivers());
         let share = counts.hierarchy_bytes() as f64 / hierarchy.hierarchy_bytes() as f64;
         println!("{name}: {} triangles, foretold/stored {share:.3}", counts.triangles);
-        assert!(counts.triangles < 1000 || (0.75..1.34).contains(&share), "{name}: {share}");
+        assert!(counts.triangles < 1000 || (0.8..1.25).contains(&share), "{name}: {share}");
     }
 }
