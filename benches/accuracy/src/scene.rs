@@ -5,8 +5,8 @@ use ringlight::probe::{self, GatherOptions, Point, Reading, Status, SurfaceOptio
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene};
 use ringlight::shooting::{ElementLight, Shoot};
-use ringlight::solution::{Description, Solution};
-use ringlight::solve::{self, Control, Progress, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solution::{Description, Solution, SolvedLight};
+use ringlight::solve::{self, Control, Ledger, Progress, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::fmt::Write;
@@ -169,7 +169,8 @@ impl Meshed {
         let energy = state.energy(world);
         let description = Description::new(&self.scene);
         let mesh = self.mesh.clone();
-        Solution { description, mesh, settings: world.settings, state, energy, images: Vec::new() }
+        let (ledger, light) = (Ledger::of(&state), SolvedLight::of(state.clusters));
+        Solution { description, mesh, settings: world.settings, ledger, light, energy, images: Vec::new() }
     }
 
     /// Irradiance gathered at points (position, normal); not a number where there is none to tell of.

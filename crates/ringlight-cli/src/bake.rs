@@ -9,8 +9,8 @@ use crate::run::{self, Run};
 use ringlight::mesh::{self, Mesh};
 use ringlight::scene::{Place, Warnings};
 use ringlight::shooting::Shoot;
-use ringlight::solution::{Description, Solution};
-use ringlight::solve::{SolveSettings, State, World};
+use ringlight::solution::{Description, Solution, SolvedLight};
+use ringlight::solve::{Ledger, SolveSettings, State, World};
 
 /// Bakes.
 pub fn bake(arguments: &Bake) -> Result<End, Failure> {
@@ -49,7 +49,8 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     let solved = run.solve(&description, &world, state, &arguments.stop)?;
     drop(world);
     let end = (solved.progress, solved.reason);
-    let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
+    let (energy, ledger, light) = (solved.energy, Ledger::of(&solved.state), SolvedLight::of(solved.state.clusters));
+    let solution = Solution { description, mesh, settings, ledger, light, energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
     let mut reported = run::settings(&settings, &solution.mesh, &arguments.stop);
     let quality = arguments.sizes.quality;

@@ -13,7 +13,7 @@ pub fn export(arguments: &Export) -> Result<End, Failure> {
     let solution = input::solution(path, scene)?;
     outputs::check_camera(&arguments.display, &solution.description.cameras)?;
     if !arguments.quiet {
-        for warning in outputs::missing_images(&solution, &arguments.targets).0 {
+        for warning in outputs::missing_images(&solution.description, &solution.images, &arguments.targets).0 {
             eprintln!("warning: {}", run::warning(&warning.message, warning.count, ""));
         }
     }

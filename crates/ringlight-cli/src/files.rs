@@ -3,6 +3,7 @@
 use crate::map;
 use anyhow::{Context, bail};
 use ringlight::resources::{Bytes, Resources};
+use ringlight::transport::{Communicator, Failure as RankFailure};
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Component, Path, PathBuf};
@@ -154,6 +155,38 @@ pub fn write<T>(path: &Path, content: impl FnOnce(&mut NewFile) -> io::Result<T>
         Ok::<T, io::Error>(result)
     };
     whole().with_context(|| format!("{}: cannot be written", path.display()))
+}
+
+/// Writes a file over ranks: all of them call it, and rank 0 writes. `content` runs on all of them even when rank 0 has no
+/// file to write to. The outer error is that of the ranks; the inner one is rank 0's, and leaves what was there.
+pub fn write_over_ranks(
+    path: &Path,
+    ranks: &mut Communicator<'_>,
+    content: impl FnOnce(&mut Communicator<'_>, &mut dyn Write) -> Result<io::Result<()>, RankFailure>,
+) -> Result<anyhow::Result<()>, RankFailure> {
+    let failed = |error| anyhow::Error::new(error).context(format!("{}: cannot be written", path.display()));
+    if ranks.rank() > 0 {
+        return Ok(content(ranks, &mut io::sink())?.map_err(failed));
+    }
+    let written = match NewFile::create(path) {
+        Ok(mut file) => content(ranks, &mut file)?.and_then(|()| file.finish()),
+        // What the others hear must not depend on it: they take part as if there were a file.
+        Err(error) => content(ranks, &mut Refusing).map(|_| Err(error))?,
+    };
+    Ok(written.map_err(failed))
+}
+
+/// Takes nothing.
+struct Refusing;
+
+impl Write for Refusing {
+    fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 /// Writes two files that belong together: both of them whole, or neither.

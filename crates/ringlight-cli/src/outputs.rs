@@ -8,8 +8,9 @@ use ringlight::mesh;
 use ringlight::output::report::Units;
 use ringlight::output::{Exposure, FalseColour, LitOptions, Picture, PictureOptions, Tone, Unit, View};
 use ringlight::output::{ambient, render, write_exr, write_glb, write_gltf, write_png, write_table, write_vtu};
+use ringlight::resources::Bytes;
 use ringlight::scene::{Camera, Place, Warnings};
-use ringlight::solution::{self, Solution};
+use ringlight::solution::{self, Description, Solution};
 use ringlight_visibility::Hierarchy;
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
@@ -179,10 +180,10 @@ pub fn check_camera(display: &DisplayArguments, cameras: &[Camera]) -> Result<()
 }
 
 /// A warning if outputs show images that are not at hand.
-pub fn missing_images(solution: &Solution, targets: &Targets) -> Warnings {
+pub fn missing_images(description: &Description, images: &[Option<Bytes>], targets: &Targets) -> Warnings {
     let mut warnings = Warnings::default();
     let shows = targets.output.iter().any(|o| matches!(o.kind, Kind::LitBinary | Kind::LitText) || o.kind.is_picture());
-    let mut missing = solution.description.images.iter().zip(&solution.images).filter(|(_, bytes)| bytes.is_none());
+    let mut missing = description.images.iter().zip(images).filter(|(_, bytes)| bytes.is_none());
     if let Some((image, _)) = missing.next().filter(|_| shows) {
         let message = format!("the image '{}' is not beside the solution; --scene FILE says where it is", image.name);
         warnings.add_many("missing-image", message, Place::default(), 1 + missing.count() as u64);

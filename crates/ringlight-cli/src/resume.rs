@@ -7,22 +7,31 @@ use crate::input;
 use crate::outputs::{self, Content, Others};
 use crate::progress::Stage;
 use crate::run::{self, Run};
+use anyhow::Context;
 use ringlight::mesh;
-use ringlight::solution::Solution;
-use ringlight::solve::World;
+use ringlight::solution::{Solution, SolutionFile, SolvedLight};
+use ringlight::solve::{Ledger, World};
 
 /// Resumes.
 pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     let mut run = Run::begin(&arguments.running)?;
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     outputs::check(&arguments.targets, &Others { scene, resumed: Some(path), ..run.others() })?;
-    let solution = run.stage(Stage::Load, |_| input::solution(path, scene))?;
-    outputs::check_camera(&arguments.display, &solution.description.cameras)?;
+    let (mesh, state, description, settings, images) = run.stage(Stage::Load, |_| {
+        let bytes = input::bytes(path)?;
+        let file = SolutionFile::open(&bytes).with_context(|| path.display().to_string())?;
+        let mesh = file.mesh().with_context(|| path.display().to_string())?;
+        let own: Vec<u32> = (0..mesh.clusters.len() as u32).collect();
+        let light = file.light_of(&mesh, &own).with_context(|| path.display().to_string())?;
+        let description = file.description().clone();
+        let images = input::images(path, scene, &description)?;
+        Ok::<_, Failure>((mesh, file.ledger().with(light), description, file.settings(), images))
+    })?;
+    outputs::check_camera(&arguments.display, &description.cameras)?;
     // These were said when the scene was read.
-    run.remember(&solution.description.warnings);
-    run.remember(&bake::skipped(&solution.mesh));
-    run.warn(&outputs::missing_images(&solution, &arguments.targets));
-    let Solution { description, mesh, settings, state, images, .. } = solution;
+    run.remember(&description.warnings);
+    run.remember(&bake::skipped(&mesh));
+    run.warn(&outputs::missing_images(&description, &images, &arguments.targets));
     let hierarchy = run.stage(Stage::Build, |_| mesh::hierarchy(&mesh));
     let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
     if state.emitters_shot as usize > world.emitters.len() {
@@ -31,7 +40,8 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     let solved = run.solve(&description, &world, state, &arguments.stop)?;
     drop(world);
     let end = (solved.progress, solved.reason);
-    let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
+    let (energy, ledger, light) = (solved.energy, Ledger::of(&solved.state), SolvedLight::of(solved.state.clusters));
+    let solution = Solution { description, mesh, settings, ledger, light, energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
     let reported = run::settings(&settings, &solution.mesh, &arguments.stop);
     run.end(&solution, end, reported.into(), outcome)

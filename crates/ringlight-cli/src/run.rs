@@ -12,8 +12,8 @@ use anyhow::Context;
 use ringlight::mesh::Mesh;
 use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units};
 use ringlight::scene::{Place, Warnings};
-use ringlight::solution::{self, Description, Snapshot, Solution};
-use ringlight::solve::{self, Control, Energy, Progress, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solution::{self, Description, OwnLight, Snapshot, Solution};
+use ringlight::solve::{self, Control, Energy, Ledger, Progress, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use std::io::Write;
 use std::time::Instant;
@@ -217,7 +217,7 @@ impl<'a> Run<'a> {
             energy: solution.energy,
             clipped,
             peak_memory_bytes,
-            solution_digest: solution::digest(&solution.state),
+            solution_digest: solution::digest(solution),
             ranks: vec![RankReport {
                 patches: mesh.patch_count() as u64,
                 elements: mesh.element_count() as u64,
@@ -317,9 +317,18 @@ impl<'a> Checkpoint<'a> {
             return;
         }
         let energy = state.energy(world);
-        let snapshot = Snapshot { description, mesh: world.mesh, settings: &world.settings, state, energy: &energy };
-        if let Err(error) = files::write(&self.choice.file, |out| solution::write_snapshot(&snapshot, out)) {
-            self.failed = Some(format!("{error:#}"));
+        let (mesh, settings, ledger, energy) = (world.mesh, &world.settings, &Ledger::of(state), &energy);
+        let snapshot = Snapshot { description, mesh, settings, ledger, energy };
+        let own: Vec<u32> = (0..mesh.clusters.len() as u32).collect();
+        let light = OwnLight { own: &own, clusters: &state.clusters };
+        let ranks = &mut Communicator::alone();
+        let written = files::write_over_ranks(&self.choice.file, ranks, |ranks, out| {
+            solution::write_over_ranks(&snapshot, light, ranks, out)
+        });
+        match written {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => self.failed = Some(format!("{error:#}")),
+            Err(failure) => self.failed = Some(failure.to_string()),
         }
         self.last = Instant::now();
     }

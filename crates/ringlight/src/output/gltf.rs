@@ -106,7 +106,7 @@ fn extras(solution: &Solution, options: &LitOptions) -> Value {
         "exposure": f64::from(options.exposure.scale),
         "ambient": options.ambient,
         "units": if radiometric { "W/m²" } else { "lux" },
-        "solutionDigest": solution::digest(&solution.state),
+        "solutionDigest": solution::digest(solution),
         "meaning": "displayed = texture × factor × COLOR_0; where an element reflects, factor × COLOR_0 is \
                     reflectance × irradiance / π × exposure, clipped to 1",
     })

@@ -2,12 +2,14 @@
 
 mod energy;
 mod exchange;
+mod ledger;
 mod plain;
 mod receiving;
 mod state;
 
 pub use energy::{Energy, ExactSum};
 pub use exchange::{Part, RingExchange};
+pub use ledger::Ledger;
 pub use plain::plain;
 pub use receiving::Ring;
 pub use state::{State, World};
