@@ -10,7 +10,9 @@ use crate::run::{self, Run};
 use anyhow::Context;
 use ringlight::mesh;
 use ringlight::solution::{Solution, SolutionFile, SolvedLight};
-use ringlight::solve::{Ledger, World};
+use ringlight::solve::{Ledger, Ring, World};
+use ringlight::transport::Communicator;
+use std::sync::Arc;
 
 /// Resumes.
 pub fn resume(arguments: &Resume) -> Result<End, Failure> {
@@ -33,12 +35,15 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     run.remember(&bake::skipped(&mesh));
     run.warn(&outputs::missing_images(&description, &images, &arguments.targets));
     let hierarchy = run.stage(Stage::Build, |_| mesh::hierarchy(&mesh));
-    let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
+    let hierarchy = Arc::new(hierarchy);
+    let ranks = &mut Communicator::alone();
+    let mut ring = Ring::alone(&mesh, hierarchy.clone());
+    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
     if state.emitters_shot as usize > world.emitters.len() {
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }
-    let solved = run.solve(&description, &world, state, &arguments.stop)?;
-    drop(world);
+    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop, ranks)?;
+    drop((world, ring));
     let end = (solved.progress, solved.reason);
     let (energy, ledger, light) = (solved.energy, Ledger::of(&solved.state), SolvedLight::of(solved.state.clusters));
     let solution = Solution { description, mesh, settings, ledger, light, energy, images };

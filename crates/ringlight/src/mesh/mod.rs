@@ -18,7 +18,7 @@ mod validity;
 pub use build::{MeshOptions, build};
 pub use colour::Colour;
 pub use frame::{Frame, Tile};
-pub use occluders::{CLEAR_COVERAGE, OPAQUE_COVERAGE, Occluder, hierarchy};
+pub use occluders::{CLEAR_COVERAGE, OPAQUE_COVERAGE, Occluder, hierarchy, hierarchy_of};
 pub use plane::{Planes, RELATIVE_TOLERANCE};
 pub use size::{Quality, Sizes};
 pub use validity::{find_valid_samples, is_covered, is_hidden_beside, sample_parameters};

@@ -33,12 +33,18 @@ impl Occluder {
     }
 }
 
-/// The hierarchy over all facets: triangle ids are twice the facet's number, plus 1 for a quadrilateral's second half.
+/// The hierarchy over all facets.
 pub fn hierarchy(mesh: &Mesh) -> Hierarchy {
-    let mut triangles = Vec::with_capacity(mesh.facets.len() * 2);
+    hierarchy_of(mesh, 0..mesh.facets.len() as u32)
+}
+
+/// The hierarchy over some facets: triangle ids are twice the facet's number, plus 1 for a quadrilateral's second half.
+pub fn hierarchy_of(mesh: &Mesh, facets: impl Iterator<Item = u32>) -> Hierarchy {
+    let mut triangles = Vec::with_capacity(facets.size_hint().0 * 2);
     let mut filters = Vec::new();
-    for (f, facet) in mesh.facets.iter().enumerate() {
-        let coverage = mesh.occluder.coverage(f as u32, facet);
+    for f in facets {
+        let facet = &mesh.facets[f as usize];
+        let coverage = mesh.occluder.coverage(f, facet);
         if coverage < CLEAR_COVERAGE {
             continue;
         }
@@ -62,7 +68,7 @@ pub fn hierarchy(mesh: &Mesh) -> Hierarchy {
             } else {
                 OPAQUE
             };
-            let id = 2 * f as u32 + half as u32;
+            let id = 2 * f + half as u32;
             triangles.push(Triangle { corners: [c[i], c[j], c[k]], plane: facet.plane, id, filter });
         }
     }

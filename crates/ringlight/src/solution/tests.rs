@@ -24,7 +24,12 @@ fn floor(side: u32) -> Solution {
     Solution {
         description: Description::new(&scene),
         mesh,
-        settings: SolveSettings { cells: 16, shoot: crate::shooting::Shoot::Elements, sky: None },
+        settings: SolveSettings {
+            cells: 16,
+            shoot: crate::shooting::Shoot::Elements,
+            sky: None,
+            shooters_in_flight: 1,
+        },
         ledger: Ledger { shots: 12, emitters_shot: 0, emitted: 0.1 + 0.2, escaped: 1e-300, absorbed_by_backs: 3.0 },
         light: SolvedLight { elements, emission_waits },
         energy: Energy { emitted: 7.0, ..Energy::default() },
