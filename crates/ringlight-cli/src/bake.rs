@@ -27,6 +27,7 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     let mut mesh = run.stage(Stage::Mesh, |_| mesh::build(&scene, &options)).map_err(|e| input::locate(e, path))?;
     run.warn(&skipped(&mesh));
     run.detail(&sizes(&mesh));
+    outputs::check_sizes(&arguments.targets, &mesh)?;
     let settings = settings(&arguments.method, arguments.sizes.quality);
     if !input::has_light(&scene, &mesh, settings.sky) {
         return Err(input::no_light(path));

@@ -248,4 +248,26 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"anew");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
+
+    #[test]
+    fn ranks_write_one_file_and_those_without_hear_of_no_failure() {
+        use ringlight::transport::threads;
+        let folder = tempfile::tempdir().unwrap();
+        let write = |path: PathBuf| {
+            let results = threads::run(3, |ranks| {
+                write_over_ranks(&path, ranks, |ranks, out| {
+                    let sum = ranks.all_reduce(1, [1], |a, b| [a[0] + b[0]])?;
+                    Ok(out.write_all(&sum))
+                })
+            });
+            results.unwrap()
+        };
+        let fine = folder.path().join("fine");
+        assert!(write(fine.clone()).iter().all(Result::is_ok));
+        assert_eq!(std::fs::read(&fine).unwrap(), [3]);
+        let failed = write(folder.path().join("no folder/file"));
+        assert!(failed[1].is_ok() && failed[2].is_ok());
+        let error = format!("{:#}", failed[0].as_ref().unwrap_err());
+        assert!(error.contains("cannot be written: No such file"), "{error}");
+    }
 }

@@ -4,10 +4,13 @@ use crate::arguments::{DisplayArguments, Targets, ToneChoice};
 use crate::failure::Failure;
 use crate::files::{self, NewFile};
 use crate::values::{ExposureChoice, PictureSize};
-use ringlight::mesh;
+use anyhow::Context;
+use ringlight::mesh::{self, Mesh};
 use ringlight::output::report::Units;
 use ringlight::output::{Exposure, FalseColour, LitOptions, Picture, PictureOptions, Tone, Unit, View};
-use ringlight::output::{ambient, render, write_exr, write_glb, write_gltf, write_png, write_table, write_vtu};
+use ringlight::output::{
+    ambient, check_glb, render, write_exr, write_glb, write_gltf, write_png, write_table, write_vtu,
+};
 use ringlight::resources::Bytes;
 use ringlight::scene::{Camera, Place, Warnings};
 use ringlight::solution::{self, Description, Solution};
@@ -162,6 +165,14 @@ pub fn check_inputs(targets: &Targets, others: &Others<'_>, read: &[PathBuf]) ->
 pub fn identity(path: &Path) -> PathBuf {
     let folder = files::folder_of(path);
     folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default())
+}
+
+/// Whether the lit models can be as large as the mesh makes them, as far as that can be foretold.
+pub fn check_sizes(targets: &Targets, mesh: &Mesh) -> Result<(), Failure> {
+    match targets.output.iter().find(|output| output.kind == Kind::LitBinary) {
+        Some(output) => Ok(check_glb(mesh).with_context(|| output.path.display().to_string())?),
+        None => Ok(()),
+    }
 }
 
 /// Whether the camera that pictures ask for is there. Cameras without a name are called `camera 0`, `camera 1`, …

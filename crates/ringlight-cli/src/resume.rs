@@ -30,6 +30,7 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
         Ok::<_, Failure>((mesh, file.ledger().with(light), description, file.settings(), images))
     })?;
     outputs::check_camera(&arguments.display, &description.cameras)?;
+    outputs::check_sizes(&arguments.targets, &mesh)?;
     // These were said when the scene was read.
     run.remember(&description.warnings);
     run.remember(&bake::skipped(&mesh));
