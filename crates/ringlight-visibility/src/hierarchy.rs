@@ -28,7 +28,7 @@ impl Tally {
 }
 
 /// A ray for [`Hierarchy::nearest_hit`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Start, metres.
     pub origin: [f32; 3],
@@ -53,6 +53,15 @@ pub struct Hit {
     pub barycentric: [f32; 2],
     /// Whether the ray came from the side from which the corners run counter-clockwise.
     pub front: bool,
+}
+
+impl Hit {
+    /// Whether it is to be reported rather than `other`: the nearer, then the lower id. The nearest hits of several
+    /// hierarchies that share a scene's triangles, joined by this, are that of one hierarchy over all, in any order.
+    #[inline(always)]
+    pub fn is_nearer(&self, other: &Option<Hit>) -> bool {
+        other.is_none_or(|o| self.distance < o.distance || self.distance == o.distance && self.triangle < o.triangle)
+    }
 }
 
 /// Occluders, ordered for search.

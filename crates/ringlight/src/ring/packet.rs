@@ -1,16 +1,32 @@
-//! What travels: sample points with their masks, and masks on their way home.
+//! What travels: sample points with their masks or rays with their nearest hits so far, and the answers on their way home.
 
-use ringlight_visibility::Points;
+use ringlight_visibility::{Hit, Points, Ray};
 
-/// Sample points that travel and are tested together.
+/// Questions that travel and are tested together.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Packet {
-    /// The shot whose cells the masks are of.
+    /// The shot that they are asked for.
     pub shot: u64,
     /// Place in the ring of the member that the packet belongs to.
     pub home: u32,
     /// The owner's number of the packet.
     pub ticket: u32,
+    /// What is asked, and what the members visited so far have answered.
+    pub content: Content,
+}
+
+/// What a packet asks.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Content {
+    /// Which of the shot's cells points see.
+    Samples(Samples),
+    /// What rays meet first.
+    Rays(Rays),
+}
+
+/// Sample points with their masks, which the members join by AND.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Samples {
     /// Coordinates x, metres.
     pub x: Vec<f32>,
     /// Coordinates y, metres.
@@ -23,31 +39,49 @@ pub struct Packet {
     pub masks: Vec<u64>,
 }
 
+/// Rays with their nearest hits so far, which the members join by [`Hit::is_nearer`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rays {
+    /// The rays.
+    pub rays: Vec<Ray>,
+    /// What each ray may hit, in the words of those who ask and test: the ring does not understand them.
+    pub rules: Vec<[u32; 2]>,
+    /// The nearest hit of each ray, if any, among what has been visited.
+    pub hits: Vec<Option<Hit>>,
+}
+
+/// What comes home.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answers {
+    /// Final masks, in the order of the points.
+    Masks(Vec<u64>),
+    /// Nearest hits, in the order of the rays.
+    Hits(Vec<Option<Hit>>),
+}
+
 /// A message between members of a ring.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Parcel {
     /// To be tested by the member it is sent to.
     Onward(Packet),
-    /// Tested by all: the masks come home.
+    /// Tested by all: the answers come home.
     Home {
         /// The shot.
         shot: u64,
         /// The owner's number of the packet.
         ticket: u32,
-        /// Final masks, in the order of the points.
-        masks: Vec<u64>,
+        /// What the members have answered together.
+        answers: Answers,
     },
 }
 
-/// Bytes that are no parcel: the ranks do not run the same program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0} bytes are no parcels")]
-pub struct Malformed(pub usize);
+impl Default for Content {
+    fn default() -> Content {
+        Content::Samples(Samples::default())
+    }
+}
 
-/// The home of parcels that are there.
-const ARRIVED: u32 = u32::MAX;
-
-impl Packet {
+impl Samples {
     /// The points.
     pub fn points(&self) -> Points<'_> {
         Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane }
@@ -59,85 +93,34 @@ impl Packet {
     }
 }
 
-impl Parcel {
-    /// Appends it to a message, in the byte order of the machine: shot, home, ticket, number of points, and then array by
-    /// array. A message may hold many parcels.
-    pub fn write(&self, bytes: &mut Vec<u8>) {
-        let (shot, home, ticket, masks) = match self {
-            Parcel::Onward(p) => (p.shot, p.home, p.ticket, &p.masks),
-            Parcel::Home { shot, ticket, masks } => (*shot, ARRIVED, *ticket, masks),
-        };
-        bytes.extend_from_slice(&shot.to_ne_bytes());
-        bytes.extend_from_slice(&home.to_ne_bytes());
-        bytes.extend_from_slice(&ticket.to_ne_bytes());
-        bytes.extend_from_slice(&(masks.len() as u32).to_ne_bytes());
-        bytes.extend_from_slice(bytemuck::cast_slice(masks));
-        if let Parcel::Onward(p) = self {
-            [&p.x, &p.y, &p.z].into_iter().for_each(|axis| bytes.extend_from_slice(bytemuck::cast_slice(axis)));
-            bytes.extend_from_slice(bytemuck::cast_slice(&p.plane));
-        }
+impl Rays {
+    /// Adds a ray that has not met anything yet.
+    pub fn push(&mut self, ray: Ray, rule: [u32; 2]) {
+        self.rays.push(ray);
+        self.rules.push(rule);
+        self.hits.push(None);
     }
 
-    /// Takes the next parcel off a message; none at its end.
-    pub fn read(bytes: &mut &[u8]) -> Result<Option<Parcel>, Malformed> {
-        if bytes.is_empty() {
-            return Ok(None);
+    /// Asks a member: `nearest_hit` finds the nearest hit of a ray by a rule in what the member holds. What lies beyond the
+    /// hits so far need not be looked for, so the rays end there.
+    pub fn test(&mut self, nearest_hit: impl Fn(&Ray, [u32; 2]) -> Option<Hit>) {
+        for ((ray, &rule), best) in self.rays.iter().zip(&self.rules).zip(&mut self.hits) {
+            let far = best.map_or(ray.far, |hit| hit.distance);
+            if let Some(hit) = nearest_hit(&Ray { far, ..*ray }, rule)
+                && hit.is_nearer(best)
+            {
+                *best = Some(hit);
+            }
         }
-        let malformed = Malformed(bytes.len());
-        let (header, content) = bytes.split_at_checked(HEADER).ok_or(malformed)?;
-        let word = |i: usize| u32::from_ne_bytes(std::array::from_fn(|k| header[i + k]));
-        let shot = u64::from_ne_bytes(std::array::from_fn(|k| header[k]));
-        let (home, ticket, count) = (word(8), word(12), word(16) as usize);
-        let size = if home == ARRIVED { size_of::<u64>() } else { POINT };
-        let len = count.checked_mul(size).ok_or(malformed)?;
-        let (content, after) = content.split_at_checked(len).ok_or(malformed)?;
-        *bytes = after;
-        let (masks, rest) = content.split_at(count * size_of::<u64>());
-        let masks = bytemuck::pod_collect_to_vec(masks);
-        if home == ARRIVED {
-            return Ok(Some(Parcel::Home { shot, ticket, masks }));
-        }
-        let part = |i: usize| &rest[i * 4 * count..(i + 1) * 4 * count];
-        let [x, y, z] = [0, 1, 2].map(|i| bytemuck::pod_collect_to_vec(part(i)));
-        let plane = bytemuck::pod_collect_to_vec(part(3));
-        Ok(Some(Parcel::Onward(Packet { shot, home, ticket, x, y, z, plane, masks })))
     }
 }
 
-/// Bytes before the arrays.
-const HEADER: usize = 20;
-
-/// Bytes per point on the way: mask, coordinates, plane.
-const POINT: usize = 8 + 12 + 4;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parcels_come_out_as_they_went_in() {
-        let packet = Packet {
-            shot: 1 << 40,
-            home: 3,
-            ticket: 7,
-            x: vec![1.5, -0.0],
-            y: vec![2.0, f32::MIN_POSITIVE],
-            z: vec![3.0, 1e30],
-            plane: vec![u32::MAX, 0],
-            masks: vec![u64::MAX, 5],
-        };
-        let home = Parcel::Home { shot: 9, ticket: 1, masks: vec![3, 0, 1] };
-        let empty = Parcel::Onward(Packet { shot: 2, ..Packet::default() });
-        let parcels = [Parcel::Onward(packet), home, empty];
-        // Messages may start anywhere in memory.
-        let mut message = vec![0];
-        parcels.iter().for_each(|parcel| parcel.write(&mut message));
-        let mut rest = &message[1..];
-        for parcel in parcels {
-            assert_eq!(Parcel::read(&mut rest), Ok(Some(parcel)));
+impl Content {
+    /// What remains when nobody is left to be asked.
+    pub fn into_answers(self) -> Answers {
+        match self {
+            Content::Samples(samples) => Answers::Masks(samples.masks),
+            Content::Rays(rays) => Answers::Hits(rays.hits),
         }
-        assert_eq!(Parcel::read(&mut rest), Ok(None));
-        assert_eq!(Parcel::read(&mut &[0; 19][..]), Err(Malformed(19)));
-        assert_eq!(Parcel::read(&mut &message[1..40]), Err(Malformed(39)));
     }
 }

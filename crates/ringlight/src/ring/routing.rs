@@ -1,13 +1,14 @@
 //! Which members a packet visits.
 
-use super::{Bounds, Packet};
+use super::{Bounds, Content, Packet, Rays, Samples};
 use ringlight_visibility::{Region, Shooter};
 use std::sync::Arc;
 
 /// How packets find their way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Routing {
-    /// Only to members whose boxes the shaft from the packet to the shooter crosses.
+    /// Only to members whose boxes the shaft from the packet to the shooter crosses, or a ray of the packet before its nearest
+    /// hit so far.
     #[default]
     Boxes,
     /// To all members (the paper's way).
@@ -18,7 +19,7 @@ pub enum Routing {
 /// counts for later shots only.
 #[derive(Clone, Debug)]
 pub struct Sight {
-    /// The cells.
+    /// The cells; none where only rays are followed.
     pub shooter: Shooter,
     /// Boxes around the shard of each member of the ring.
     pub outlines: Arc<Vec<Vec<Bounds>>>,
@@ -26,20 +27,42 @@ pub struct Sight {
 
 impl Routing {
     /// The next of the places `from..` that the packet visits, counted from its home round the ring; home is 0. Masks only
-    /// shrink on the way, and with them the shaft.
+    /// shrink on the way, and with them the shaft; hits only come nearer.
     pub fn next(self, packet: &Packet, sight: &Sight, from: usize) -> Option<usize> {
         let members = sight.outlines.len();
-        if from >= members || packet.is_dark() {
+        let done = match &packet.content {
+            Content::Samples(samples) => samples.is_dark(),
+            Content::Rays(rays) => rays.rays.is_empty(),
+        };
+        if from >= members || done {
             return None;
         }
         if self == Routing::All {
             return Some(from);
         }
-        let all = sight.outlines.iter().flatten().fold(Bounds::EMPTY, |sum, &bounds| sum.join(bounds));
-        let region = Region::new(&sight.shooter, packet.points(), &packet.masks, [all.low, all.high]);
-        (from..members).find(|place| {
-            let outline = &sight.outlines[(packet.home as usize + place) % members];
-            outline.iter().any(|bounds| region.meets(bounds.low, bounds.high))
-        })
+        let outline = |place: usize| &sight.outlines[(packet.home as usize + place) % members];
+        match &packet.content {
+            Content::Samples(samples) => {
+                let region = region(samples, sight);
+                (from..members).find(|&place| outline(place).iter().any(|bounds| region.meets(bounds.low, bounds.high)))
+            }
+            Content::Rays(rays) => {
+                (from..members).find(|&place| outline(place).iter().any(|bounds| may_hit(rays, bounds)))
+            }
+        }
     }
+}
+
+/// What lies between the points and the cells that they still see.
+fn region(samples: &Samples, sight: &Sight) -> Region {
+    let all = sight.outlines.iter().flatten().fold(Bounds::EMPTY, |sum, &bounds| sum.join(bounds));
+    Region::new(&sight.shooter, samples.points(), &samples.masks, [all.low, all.high])
+}
+
+/// Whether a ray may hit something in the box that is as near as its nearest hit so far.
+fn may_hit(rays: &Rays, bounds: &Bounds) -> bool {
+    rays.rays.iter().zip(&rays.hits).any(|(ray, hit)| {
+        let far = hit.map_or(ray.far, |hit| hit.distance);
+        ray.may_hit(bounds.low, bounds.high, far)
+    })
 }

@@ -9,11 +9,12 @@ mod receiving;
 mod ring;
 mod share;
 mod state;
+mod walking;
 
-pub use energy::{Energy, ExactSum};
+pub use energy::Energy;
 pub use ledger::Ledger;
 pub use plain::plain;
-pub use ring::Ring;
+pub use ring::{Job, Ring};
 pub use share::{Share, Spread};
 pub use state::{State, World};
 

@@ -3,7 +3,7 @@
 use super::exchange::Part;
 use super::share::Share;
 use crate::mesh::Mesh;
-use crate::ring::Packet;
+use crate::ring::{Answers, Content, Packet, Samples};
 use crate::shooting::{self, ClusterLight, Shot, Work};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
@@ -139,21 +139,21 @@ impl<'a> Receiving<'a> {
 
 impl Part for Receiving<'_> {
     fn next(&mut self) -> Option<Packet> {
-        let mut packet = Packet { ticket: self.tickets, ..Packet::default() };
+        let mut samples = Samples::default();
         let mut segments = Vec::new();
-        while packet.masks.len() < self.packet_size
+        while samples.masks.len() < self.packet_size
             && (segments.is_empty() || !self.compact)
             && (!self.filling.is_empty() || self.collect())
         {
             let slot = self.filling[0];
             let Slot { work, sent, .. } = &mut self.slots[slot];
             let points = work.packet().points();
-            let range = *sent..points.len().min(*sent + self.packet_size - packet.masks.len());
-            packet.x.extend_from_slice(&points.x[range.clone()]);
-            packet.y.extend_from_slice(&points.y[range.clone()]);
-            packet.z.extend_from_slice(&points.z[range.clone()]);
-            packet.plane.extend_from_slice(&points.plane[range.clone()]);
-            packet.masks.extend_from_slice(&work.packet().masks()[range.clone()]);
+            let range = *sent..points.len().min(*sent + self.packet_size - samples.masks.len());
+            samples.x.extend_from_slice(&points.x[range.clone()]);
+            samples.y.extend_from_slice(&points.y[range.clone()]);
+            samples.z.extend_from_slice(&points.z[range.clone()]);
+            samples.plane.extend_from_slice(&points.plane[range.clone()]);
+            samples.masks.extend_from_slice(&work.packet().masks()[range.clone()]);
             segments.push(Segment { slot, first: range.start, count: range.len() });
             *sent = range.end;
             if *sent == work.packet().masks().len() {
@@ -165,10 +165,11 @@ impl Part for Receiving<'_> {
         }
         self.under_way.insert(self.tickets, segments);
         self.tickets += 1;
-        Some(packet)
+        Some(Packet { ticket: self.tickets - 1, content: Content::Samples(samples), ..Packet::default() })
     }
 
-    fn finish(&mut self, ticket: u32, masks: Vec<u64>) {
+    fn finish(&mut self, ticket: u32, answers: Answers) {
+        let Answers::Masks(masks) = answers else { return };
         let mut masks = masks.as_slice();
         for Segment { slot, first, count } in self.under_way.remove(&ticket).unwrap_or_default() {
             let Slot { work, home, .. } = &mut self.slots[slot];
