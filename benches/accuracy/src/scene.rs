@@ -1,5 +1,6 @@
 //! Scenes from OBJ text, solved in memory.
 
+use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions, Patch};
 use ringlight::probe::{self, GatherOptions, Point, Reading, Status, SurfaceOptions};
 use ringlight::resources::{Bytes, Resources};
@@ -128,7 +129,7 @@ pub struct Meshed {
 /// Cuts a scene into patches and elements of these sizes, metres.
 pub fn meshed(scene: Scene, patch: f64, element: f64) -> Meshed {
     let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
-    let mut mesh = mesh::build(&scene, &options).unwrap();
+    let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     Meshed { scene, mesh, hierarchy }

@@ -4,6 +4,7 @@ use crate::arguments::{QualityChoice, SizeArguments, UnitChoice};
 use crate::failure::Failure;
 use crate::files::{self, FileResources};
 use anyhow::Context;
+use ringlight::column::Store;
 use ringlight::mesh::{Mesh, MeshOptions, Quality};
 use ringlight::quantity::Rgb;
 use ringlight::resources::Resources;
@@ -11,8 +12,8 @@ use ringlight::scene::{self, Image, Place, ReadOptions, Scene, SceneError};
 use ringlight::solution::{self, Solution};
 use std::path::{Path, PathBuf};
 
-/// Reads a scene; gives also the files that it refers to.
-pub fn scene(path: &Path, unit: Option<UnitChoice>) -> Result<(Scene, Vec<PathBuf>), Failure> {
+/// Reads a scene, of which what has to be kept goes to `store`; gives also the files that it refers to.
+pub fn scene(path: &Path, unit: Option<UnitChoice>, store: Store<'_>) -> Result<(Scene, Vec<PathBuf>), Failure> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     if unit.is_some() && !name.to_ascii_lowercase().ends_with(".obj") {
         return Err(Failure::Usage(format!("{}: --unit is for OBJ; glTF lengths are metres", path.display())));
@@ -24,7 +25,7 @@ pub fn scene(path: &Path, unit: Option<UnitChoice>) -> Result<(Scene, Vec<PathBu
         UnitChoice::In => 0.0254,
     };
     let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let resources = FileResources::beside(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let resources = FileResources::beside(path, store).with_context(|| format!("{}: cannot be read", path.display()))?;
     let options = ReadOptions { unit_in_metres };
     let scene = scene::read(&name, bytes, &resources, &options).map_err(|error| locate(error, path))?;
     Ok((scene, resources.opened()))
@@ -81,7 +82,7 @@ pub fn solution(path: &Path, scene_path: Option<&Path>) -> Result<Solution, Fail
     let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
     let mut solution = solution::read(&bytes).with_context(|| path.display().to_string())?;
     let images = match scene_path {
-        Some(scene_path) => scene(scene_path, None)?.0.images,
+        Some(scene_path) => scene(scene_path, None, Store::Heap)?.0.images,
         None => images_beside(path, &solution),
     };
     solution.attach_images(&images);
@@ -89,7 +90,7 @@ pub fn solution(path: &Path, scene_path: Option<&Path>) -> Result<Solution, Fail
 }
 
 fn images_beside(path: &Path, solution: &Solution) -> Vec<Image> {
-    let Ok(resources) = FileResources::beside(path) else { return Vec::new() };
+    let Ok(resources) = FileResources::beside(path, Store::Heap) else { return Vec::new() };
     let wanted = solution.description.images.iter();
     wanted
         .filter_map(|image| {

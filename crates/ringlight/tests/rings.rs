@@ -1,5 +1,6 @@
 //! The office's light over rings of ranks, with threads as ranks: bit for bit that of one rank.
 
+use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions};
 use ringlight::resources::{Bytes, Resources};
 use ringlight::ring::{Bounds, Piece, Rings, Routing, Shards, Visits, deal, outline, owners};
@@ -25,7 +26,7 @@ fn office() -> Mesh {
     let bytes = Bytes::new(std::fs::read(folder.join("office.glb")).unwrap());
     let scene = scene::read("office.glb", bytes, &Folder(folder), &ReadOptions::default()).unwrap();
     let options = MeshOptions { patch_size: Some(0.475), element_size: Some(0.1945), ..MeshOptions::default() };
-    mesh::build(&scene, &options).unwrap()
+    mesh::build(&scene, &options, Store::Heap).unwrap()
 }
 
 /// Some shots of 16 cells from patches spread over the scene, each of a different grey.

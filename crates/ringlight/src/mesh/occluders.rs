@@ -1,7 +1,10 @@
 //! What blocks light: the facets' triangles and what they let through.
 
 use super::{Facet, Mesh, NONE};
-use ringlight_visibility::{Bitmap, Filter, Hierarchy, OPAQUE, Triangle};
+use crate::column::Column;
+use bytemuck::{Pod, Zeroable};
+use ringlight_visibility::{Bitmap, Filter, Hierarchy, Layout, OPAQUE, Triangle};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Cut-out bitmaps, and how facets are covered.
@@ -13,8 +16,18 @@ pub struct Occluder {
     pub cutout: Vec<Option<u32>>,
     /// Cut-out bitmaps.
     pub bitmaps: Vec<Arc<Bitmap>>,
-    /// Share of light blocked by facets of textured see-through surfaces: (facet, share), sorted by facet.
-    pub facet_coverage: Vec<(u32, f32)>,
+    /// Share of light blocked by facets of textured see-through surfaces, sorted by facet.
+    pub facet_coverage: Column<FacetCoverage>,
+}
+
+/// How a textured see-through facet is covered.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FacetCoverage {
+    /// Number of the facet.
+    pub facet: u32,
+    /// Share of light that it blocks.
+    pub share: f32,
 }
 
 /// A see-through surface that blocks at least this much is opaque.
@@ -26,8 +39,8 @@ pub const CLEAR_COVERAGE: f32 = 0.01;
 impl Occluder {
     /// Share of light that facet number `f` blocks.
     pub fn coverage(&self, f: u32, facet: &Facet) -> f32 {
-        match self.facet_coverage.binary_search_by_key(&f, |&(facet, _)| facet) {
-            Ok(i) => self.facet_coverage[i].1,
+        match self.facet_coverage.binary_search_by_key(&f, |c| c.facet) {
+            Ok(i) => self.facet_coverage[i].share,
             Err(_) => self.coverage[facet.surface as usize],
         }
     }
@@ -35,17 +48,24 @@ impl Occluder {
 
 /// The hierarchy over all facets: triangle ids are twice the facet's number, plus 1 for a quadrilateral's second half.
 pub fn hierarchy(mesh: &Mesh) -> Hierarchy {
-    let mut triangles = Vec::with_capacity(mesh.facets.len() * 2);
+    hierarchy_of(mesh, std::iter::once(0..mesh.facets.len() as u32))
+}
+
+/// The hierarchy over some facets; ids as in that over all of them.
+pub fn hierarchy_of(mesh: &Mesh, parts: impl Iterator<Item = Range<u32>> + Clone) -> Hierarchy {
+    let facets: &[Facet] = &mesh.facets;
+    let blocking = || {
+        let numbered = parts.clone().flatten().map(|f| (f, &facets[f as usize]));
+        numbered.map(|(f, facet)| (f, facet, mesh.occluder.coverage(f, facet))).filter(|b| b.2 >= CLEAR_COVERAGE)
+    };
+    let halves = |facet: &Facet| if facet.layout() == Layout::Quad { 2 } else { 1 };
+    // Counted first: what is reserved and not used would count where memory is limited.
+    let mut triangles = Vec::with_capacity(blocking().map(|(_, facet, _)| halves(facet)).sum());
     let mut filters = Vec::new();
-    for (f, facet) in mesh.facets.iter().enumerate() {
-        let coverage = mesh.occluder.coverage(f as u32, facet);
-        if coverage < CLEAR_COVERAGE {
-            continue;
-        }
+    for (f, facet, coverage) in blocking() {
         let c = facet.corners.map(|c| c.to_array());
-        let quad = facet.corners[3] != facet.corners[0];
         let cutout = mesh.occluder.cutout[facet.surface as usize].filter(|_| facet.base_uv != NONE);
-        for (half, [i, j, k]) in [[0, 1, 2], [0, 2, 3]].into_iter().enumerate().take(1 + usize::from(quad)) {
+        for (half, [i, j, k]) in [[0, 1, 2], [0, 2, 3]].into_iter().enumerate().take(halves(facet)) {
             let filter = if let Some(bitmap) = cutout {
                 let uv = mesh.base_uv[facet.base_uv as usize];
                 filters.push(Filter::Cutout {
@@ -62,7 +82,7 @@ pub fn hierarchy(mesh: &Mesh) -> Hierarchy {
             } else {
                 OPAQUE
             };
-            let id = 2 * f as u32 + half as u32;
+            let id = 2 * f + half as u32;
             triangles.push(Triangle { corners: [c[i], c[j], c[k]], plane: facet.plane, id, filter });
         }
     }

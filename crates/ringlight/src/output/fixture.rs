@@ -1,5 +1,6 @@
 //! Small solved scenes for tests.
 
+use crate::column::Store;
 use crate::mesh::{self, MeshOptions};
 use crate::resources::{Bytes, Resources};
 use crate::scene::{self, ReadOptions, Scene};
@@ -31,7 +32,7 @@ pub fn read(obj: &str) -> Scene {
 pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
     let options =
         MeshOptions { patch_size: Some(4.0 * element), element_size: Some(element), ..MeshOptions::default() };
-    let mut mesh = mesh::build(scene, &options).unwrap();
+    let mut mesh = mesh::build(scene, &options, Store::Heap).unwrap();
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None };

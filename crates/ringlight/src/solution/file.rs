@@ -12,7 +12,7 @@
 //! bytes.
 
 use super::{Description, Snapshot, Solution};
-use crate::mesh::{Cluster, Colour, Facet, Mesh, Occluder, Sizes};
+use crate::mesh::{Cluster, Colour, Facet, FacetCoverage, Mesh, Occluder, Sizes};
 use crate::scene::Warnings;
 use crate::shooting::{ClusterLight, ElementLight, PatchLight};
 use crate::solve::{Energy, SolveSettings, State};
@@ -82,13 +82,6 @@ struct StoredCluster {
     high: [f32; 3],
 }
 
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct FacetCoverage {
-    facet: u32,
-    share: f32,
-}
-
 /// Writes a solution.
 pub fn write(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
     let Solution { description, mesh, settings, state, energy, .. } = solution;
@@ -118,8 +111,6 @@ pub fn write_snapshot(snapshot: &Snapshot<'_>, out: &mut dyn Write) -> io::Resul
         absorbed_by_backs: state.absorbed_by_backs,
     };
     let clusters: Vec<StoredCluster> = mesh.clusters.iter().map(StoredCluster::new).collect();
-    let facet_coverage: Vec<FacetCoverage> =
-        occluder.facet_coverage.iter().map(|&(facet, share)| FacetCoverage { facet, share }).collect();
     let bits: Vec<u64> = occluder.bitmaps.iter().flat_map(|b| b.bits.iter().copied()).collect();
     let light_sections = state.clusters.chunks(CLUSTERS_PER_SECTION);
     let count = 11 + light_sections.len() as u32;
@@ -135,7 +126,7 @@ pub fn write_snapshot(snapshot: &Snapshot<'_>, out: &mut dyn Write) -> io::Resul
     section(out, "vertex-colours", bytemuck::cast_slice(&mesh.vertex_colours))?;
     section(out, "colours", bytemuck::cast_slice(&[&mesh.surface_colours[..], &mesh.colours[..]].concat()))?;
     section(out, "valid", bytemuck::cast_slice(&mesh.valid))?;
-    section(out, "facet-coverage", bytemuck::cast_slice(&facet_coverage))?;
+    section(out, "facet-coverage", bytemuck::cast_slice(&occluder.facet_coverage))?;
     section(out, "bitmaps", bytemuck::cast_slice(&bits))?;
     for (i, chunk) in light_sections.enumerate() {
         let mut bytes = Vec::new();
@@ -259,15 +250,15 @@ pub fn read(bytes: &[u8]) -> Result<Solution, FileError> {
         coverage: header.coverage,
         cutout: header.cutout,
         bitmaps,
-        facet_coverage: sections.array::<FacetCoverage>("facet-coverage")?.iter().map(|c| (c.facet, c.share)).collect(),
+        facet_coverage: sections.array::<FacetCoverage>("facet-coverage")?.into(),
     };
     let clusters: Vec<StoredCluster> = sections.array("clusters")?;
     let mesh = Mesh {
         origin: header.origin,
         diagonal: header.diagonal,
         sizes: header.sizes,
-        facets: sections.array::<Facet>("facets")?,
-        patch_facets: sections.array("patch-facets")?,
+        facets: sections.array::<Facet>("facets")?.into(),
+        patch_facets: sections.array("patch-facets")?.into(),
         clusters: clusters
             .iter()
             .map(|c| Cluster {
@@ -277,12 +268,12 @@ pub fn read(bytes: &[u8]) -> Result<Solution, FileError> {
                 high: c.high.into(),
             })
             .collect(),
-        base_uv: sections.array("base-uv")?,
-        emission_uv: sections.array("emission-uv")?,
-        vertex_colours: sections.array("vertex-colours")?,
-        colours,
+        base_uv: sections.array("base-uv")?.into(),
+        emission_uv: sections.array("emission-uv")?.into(),
+        vertex_colours: sections.array("vertex-colours")?.into(),
+        colours: colours.into(),
         surface_colours,
-        valid: sections.array("valid")?,
+        valid: sections.array("valid")?.into(),
         occluder,
         warnings: header.warnings,
         skipped: header.skipped,
