@@ -5,8 +5,8 @@ use crate::failure::{End, Failure};
 use crate::input;
 use crate::outputs::{self, Content, Others};
 use crate::progress::Stage;
-use crate::scratch::FileScratch;
 use crate::run::{self, Run};
+use crate::scratch::FileScratch;
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
 use ringlight::scene::{Place, Warnings};
@@ -26,7 +26,8 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     run.warn(&scene.warnings);
     outputs::check_camera(&arguments.display, &scene.cameras)?;
     let options = input::mesh_options(&arguments.sizes);
-    let mut mesh = run.stage(Stage::Mesh, |_| mesh::build(&scene, &options, store)).map_err(|e| input::locate(e, path))?;
+    let mut mesh =
+        run.stage(Stage::Mesh, |_| mesh::build(&scene, &options, store)).map_err(|e| input::locate(e, path))?;
     run.warn(&skipped(&mesh));
     run.detail(&sizes(&mesh));
     let settings = settings(&arguments.method, arguments.sizes.quality);

@@ -25,7 +25,8 @@ pub fn scene(path: &Path, unit: Option<UnitChoice>, store: Store<'_>) -> Result<
         UnitChoice::In => 0.0254,
     };
     let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let resources = FileResources::beside(path, store).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let resources =
+        FileResources::beside(path, store).with_context(|| format!("{}: cannot be read", path.display()))?;
     let options = ReadOptions { unit_in_metres };
     let scene = scene::read(&name, bytes, &resources, &options).map_err(|error| locate(error, path))?;
     Ok((scene, resources.opened()))

@@ -33,7 +33,8 @@ pub fn run(triangles: &str, form: &str, path: &Path) -> Result<()> {
         "nodes" => out.write_all(&gltf::glb(&repeated(&office, &places))?)?,
         "obj" => {
             let materials = path.with_extension("mtl");
-            std::fs::write(&materials, mtl(&office)).with_context(|| format!("cannot write {}", materials.display()))?;
+            std::fs::write(&materials, mtl(&office))
+                .with_context(|| format!("cannot write {}", materials.display()))?;
             let name = materials.file_name().unwrap_or_default().to_string_lossy();
             obj(&office, &rectangles, &places, &name, &mut out)?;
         }
@@ -157,13 +158,7 @@ fn one_mesh(model: &Model, rectangles: &[Rectangle], places: &[DVec3], out: &mut
 }
 
 /// An object for each office; quadrilaterals with corners of their own.
-fn obj(
-    model: &Model,
-    rectangles: &[Rectangle],
-    places: &[DVec3],
-    materials: &str,
-    out: &mut impl Write,
-) -> Result<()> {
+fn obj(model: &Model, rectangles: &[Rectangle], places: &[DVec3], materials: &str, out: &mut impl Write) -> Result<()> {
     writeln!(out, "mtllib {materials}")?;
     for (number, &place) in places.iter().enumerate() {
         writeln!(out, "o office {number}")?;

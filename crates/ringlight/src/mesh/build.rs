@@ -144,12 +144,7 @@ fn is_sliver([a, b, c]: [Vec3; 3]) -> bool {
     !(twice_area > SLIVER * longest && twice_area > f32::MIN_POSITIVE)
 }
 
-fn add_facet(
-    mesh: &mut Mesh,
-    surface: u32,
-    polygon: &Polygon,
-    [base, emission, colours]: [bool; 3],
-) -> io::Result<()> {
+fn add_facet(mesh: &mut Mesh, surface: u32, polygon: &Polygon, [base, emission, colours]: [bool; 3]) -> io::Result<()> {
     fn keep<T: Pod>(values: &mut Column<T>, wanted: bool, value: T) -> io::Result<u32> {
         if !wanted {
             return Ok(NONE);

@@ -12,7 +12,10 @@ mod frame;
 mod occluders;
 mod pairing;
 mod plane;
+mod shared;
 mod size;
+#[cfg(test)]
+mod tests;
 mod validity;
 
 pub use build::{MeshOptions, build};
@@ -20,6 +23,7 @@ pub use colour::Colour;
 pub use frame::{Frame, Tile};
 pub use occluders::{CLEAR_COVERAGE, FacetCoverage, OPAQUE_COVERAGE, Occluder, hierarchy, hierarchy_of};
 pub use plane::{Planes, RELATIVE_TOLERANCE};
+pub use shared::SharedError;
 pub use size::{Quality, Sizes};
 pub use validity::{find_valid_samples, is_covered, is_hidden_beside, sample_parameters};
 

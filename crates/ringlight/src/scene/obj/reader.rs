@@ -152,11 +152,7 @@ impl<'a> Reader<'a> {
         let mut reader = Reader {
             resources,
             unit_in_metres,
-            vertices: Vertices {
-                positions: store.column()?,
-                colours: store.column()?,
-                coordinates: store.column()?,
-            },
+            vertices: Vertices { positions: store.column()?, colours: store.column()?, coordinates: store.column()? },
             triangles: Triangles::new(store)?,
             parts: Vec::new(),
             nodes: Vec::new(),
