@@ -13,7 +13,7 @@ use std::io;
 use std::sync::Arc;
 
 /// Facets whose colours are computed before any is written down.
-const FACETS_AT_ONCE: usize = 1 << 14;
+const FACETS_AT_ONCE: usize = 1 << 10;
 
 /// What an element does with light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
