@@ -7,11 +7,13 @@ use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene};
 use ringlight::shooting::{ElementLight, Shoot};
 use ringlight::solution::{Description, Solution};
-use ringlight::solve::{self, Control, Progress, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solve::{self, Energy, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::fmt::Write;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A single MTL file.
 pub struct Material(pub String);
@@ -123,23 +125,28 @@ pub struct Meshed {
     /// Cut into patches and elements.
     pub mesh: Mesh,
     /// What blocks light.
-    pub hierarchy: Hierarchy,
+    pub hierarchy: Arc<Hierarchy>,
 }
 
 /// Cuts a scene into patches and elements of these sizes, metres.
 pub fn meshed(scene: Scene, patch: f64, element: f64) -> Meshed {
     let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
     let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
-    let hierarchy = mesh::hierarchy(&mesh);
+    let hierarchy = Arc::new(mesh::hierarchy(&mesh));
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     Meshed { scene, mesh, hierarchy }
 }
 
 impl Meshed {
     /// What is solved, with this many cells of a shooter.
-    pub fn world(&self, cells: u32) -> World<'_> {
-        let settings = SolveSettings { cells, shoot: Shoot::Elements, sky: None };
-        World::new(&self.mesh, &self.hierarchy, &self.scene.lights, settings)
+    pub fn world(&self, cells: u32) -> Whole<'_> {
+        self.world_of(SolveSettings { cells, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 })
+    }
+
+    /// What is solved, with these settings.
+    pub fn world_of(&self, settings: SolveSettings) -> Whole<'_> {
+        let ring = Ring::alone(&self.mesh, self.hierarchy.clone());
+        Whole { world: World::new(&ring, &self.scene.lights, settings), hierarchy: self.hierarchy.clone() }
     }
 
     /// All elements that are not wholly covered: their patch, number, lit area in m², and light.
@@ -167,7 +174,7 @@ impl Meshed {
 
     /// What is probed: the light of this scene.
     pub fn solution(&self, world: &World<'_>, state: State) -> Solution {
-        let energy = state.energy(world);
+        let energy = energy(&state, world);
         let description = Description::new(&self.scene);
         let mesh = self.mesh.clone();
         Solution { description, mesh, settings: world.settings, state, energy, images: Vec::new() }
@@ -198,12 +205,32 @@ fn irradiance(reading: Reading) -> [f64; 3] {
     }
 }
 
+/// The world of one rank, which holds all geometry.
+pub struct Whole<'a> {
+    world: World<'a>,
+    hierarchy: Arc<Hierarchy>,
+}
+
+impl<'a> Deref for Whole<'a> {
+    type Target = World<'a>;
+
+    fn deref(&self) -> &World<'a> {
+        &self.world
+    }
+}
+
 /// Plain progressive refinement until this share of the power is unshot.
-pub fn solve(world: &World<'_>, until: f64) -> (State, StopReason, Progress) {
-    let mut state = State::new(world);
+pub fn solve(world: &Whole<'_>, until: f64) -> (State, StopReason, Progress) {
+    let ranks = &mut Communicator::alone();
+    let mut ring = Ring::alone(world.mesh, world.hierarchy.clone());
+    let mut state = State::new(world, ranks).expect("one rank does not fail");
     let stop = StopRule { until, max_shots: None };
     let (reason, progress) =
-        solve::plain(world, &mut state, &stop, &mut Communicator::alone(), &mut |_, _| Control::Continue)
-            .expect("one rank does not fail");
+        solve::plain(world, &mut ring, &mut state, &stop, ranks, &mut ()).expect("one rank does not fail");
     (state, reason, progress)
+}
+
+/// The audit of a state.
+pub fn energy(state: &State, world: &World<'_>) -> Energy {
+    state.energy(world, &mut Communicator::alone()).expect("one rank does not fail")
 }

@@ -1,8 +1,8 @@
 //! What is fast beside what is slow and obvious.
 
 use glam::{DVec2, DVec3};
-use ringlight::form_factor::contour;
 use ringlight::column::Store;
+use ringlight::form_factor::contour;
 use ringlight::mesh::{self, MeshOptions, Quality};
 use ringlight_accuracy::method::exact;
 use ringlight_accuracy::oracle::integral;

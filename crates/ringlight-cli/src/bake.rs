@@ -12,7 +12,9 @@ use ringlight::mesh::{self, Mesh};
 use ringlight::scene::{Place, Warnings};
 use ringlight::shooting::Shoot;
 use ringlight::solution::{Description, Solution};
-use ringlight::solve::{SolveSettings, State, World};
+use ringlight::solve::{Ring, SolveSettings, State, World};
+use ringlight::transport::Communicator;
+use std::sync::Arc;
 
 /// Bakes.
 pub fn bake(arguments: &Bake) -> Result<End, Failure> {
@@ -43,16 +45,19 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
         mesh::find_valid_samples(&mut mesh, &hierarchy);
         hierarchy
     });
-    let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
-    let state = State::new(&world);
+    let hierarchy = Arc::new(hierarchy);
+    let ranks = &mut Communicator::alone();
+    let mut ring = Ring::alone(&mesh, hierarchy.clone());
+    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
+    let state = State::new(&world, ranks)?;
     if state.emitted <= 0.0 {
         let mut dark = Warnings::default();
         let message = "no light leaves the lamps: they are covered by other geometry, or shine past the scene";
         dark.add("no-light-leaves", message, Place::new(path.display().to_string(), ""));
         run.warn(&dark);
     }
-    let solved = run.solve(&description, &world, state, &arguments.stop)?;
-    drop(world);
+    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop, ranks)?;
+    drop((world, ring));
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
@@ -71,7 +76,12 @@ pub fn settings(method: &MethodArguments, quality: QualityChoice) -> SolveSettin
         ShootChoice::Elements => Shoot::Elements,
         ShootChoice::Average => Shoot::Average,
     };
-    SolveSettings { cells: method.cells.unwrap_or(input::default_cells(quality)), shoot, sky: method.sky }
+    SolveSettings {
+        cells: method.cells.unwrap_or(input::default_cells(quality)),
+        shoot,
+        sky: method.sky,
+        shooters_in_flight: 1,
+    }
 }
 
 /// What meshing changed or left out, as warnings.

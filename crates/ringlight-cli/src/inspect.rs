@@ -14,12 +14,13 @@ use ringlight::output::report::{ReportedWarning, SceneReport, Units, warnings};
 use ringlight::scene::{LightKind, Scene, Surface};
 use ringlight::shooting::{self, ElementLight, PatchLight};
 use ringlight::solution::Description;
-use ringlight::solve::{self, Control, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solve::{self, Control, Observer, Ring, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Triangle;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Seconds of shooting that measure the speed.
@@ -194,6 +195,15 @@ fn memory(mesh: &Mesh) -> u64 {
     (elements + patches + facets + textured) as u64 + occluding_triangles(mesh) * 2 * size_of::<Triangle>() as u64
 }
 
+/// Ends a trial when it has taken its time.
+struct Trial(Instant);
+
+impl Observer for Trial {
+    fn control(&mut self) -> Control {
+        if self.0.elapsed().as_secs_f64() < TRIAL { Control::Continue } else { Control::Stop(StopReason::TimeLimit) }
+    }
+}
+
 /// Foretells the solve; the speed is that of a trial, or as given.
 fn forecast(scene: &Scene, mut mesh: Mesh, settings: SolveSettings, arguments: &Inspect) -> Result<Forecast, Failure> {
     let sky = settings.sky.map_or(0, |radiance| shooting::skies(radiance, 1, 1.0).len());
@@ -204,13 +214,13 @@ fn forecast(scene: &Scene, mut mesh: Mesh, settings: SolveSettings, arguments: &
     } else {
         let hierarchy = mesh::hierarchy(&mesh);
         mesh::find_valid_samples(&mut mesh, &hierarchy);
-        let world = World::new(&mesh, &hierarchy, &scene.lights, settings);
-        let mut state = State::new(&world);
+        let ranks = &mut Communicator::alone();
+        let mut ring = Ring::alone(&mesh, Arc::new(hierarchy));
+        let world = World::new(&ring, &scene.lights, settings);
+        let mut state = State::new(&world, ranks)?;
         let rule = StopRule { until: arguments.until, max_shots: None };
         let start = Instant::now();
-        let (_, progress) = solve::plain(&world, &mut state, &rule, &mut Communicator::alone(), &mut |_, _| {
-            if start.elapsed().as_secs_f64() < TRIAL { Control::Continue } else { Control::Stop(StopReason::TimeLimit) }
-        })?;
+        let (_, progress) = solve::plain(&world, &mut ring, &mut state, &rule, ranks, &mut Trial(start))?;
         progress.rays as f64 / start.elapsed().as_secs_f64()
     };
     let seconds = work.rays / rays_per_second.max(1.0);

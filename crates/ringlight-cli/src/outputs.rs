@@ -14,6 +14,7 @@ use ringlight_visibility::Hierarchy;
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Kinds of output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -196,12 +197,16 @@ pub struct Content<'a> {
     pub solution: &'a Solution,
     /// How.
     pub display: &'a DisplayArguments,
-    hierarchy: OnceCell<Hierarchy>,
+    hierarchy: OnceCell<Arc<Hierarchy>>,
 }
 
 impl<'a> Content<'a> {
     /// Content whose hierarchy is built when it is needed, unless it is at hand.
-    pub fn new(solution: &'a Solution, display: &'a DisplayArguments, hierarchy: Option<Hierarchy>) -> Content<'a> {
+    pub fn new(
+        solution: &'a Solution,
+        display: &'a DisplayArguments,
+        hierarchy: Option<Arc<Hierarchy>>,
+    ) -> Content<'a> {
         Content { solution, display, hierarchy: hierarchy.map_or_else(OnceCell::new, OnceCell::from) }
     }
 
@@ -237,7 +242,7 @@ impl<'a> Content<'a> {
 
     /// Finds what cameras see.
     fn hierarchy(&self) -> &Hierarchy {
-        self.hierarchy.get_or_init(|| mesh::hierarchy(&self.solution.mesh))
+        self.hierarchy.get_or_init(|| Arc::new(mesh::hierarchy(&self.solution.mesh)))
     }
 }
 

@@ -9,7 +9,9 @@ use crate::progress::Stage;
 use crate::run::{self, Run};
 use ringlight::mesh;
 use ringlight::solution::Solution;
-use ringlight::solve::World;
+use ringlight::solve::{Ring, World};
+use ringlight::transport::Communicator;
+use std::sync::Arc;
 
 /// Resumes.
 pub fn resume(arguments: &Resume) -> Result<End, Failure> {
@@ -24,12 +26,15 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     run.warn(&outputs::missing_images(&solution, &arguments.targets));
     let Solution { description, mesh, settings, state, images, .. } = solution;
     let hierarchy = run.stage(Stage::Build, |_| mesh::hierarchy(&mesh));
-    let world = run.stage(Stage::Build, |_| World::new(&mesh, &hierarchy, &description.lights, settings));
+    let hierarchy = Arc::new(hierarchy);
+    let ranks = &mut Communicator::alone();
+    let mut ring = Ring::alone(&mesh, hierarchy.clone());
+    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
     if state.emitters_shot as usize > world.emitters.len() {
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }
-    let solved = run.solve(&description, &world, state, &arguments.stop)?;
-    drop(world);
+    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop, ranks)?;
+    drop((world, ring));
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);

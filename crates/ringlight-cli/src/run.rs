@@ -13,8 +13,10 @@ use ringlight::mesh::Mesh;
 use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units};
 use ringlight::scene::{Place, Warnings};
 use ringlight::solution::{self, Description, Snapshot, Solution};
-use ringlight::solve::{self, Control, Energy, Progress, SolveSettings, State, StopReason, StopRule, World};
-use ringlight::transport::Communicator;
+use ringlight::solve::{
+    self, Control, Energy, Observer, Progress, Ring, SolveSettings, State, StopReason, StopRule, World,
+};
+use ringlight::transport::{Communicator, Failure as RankFailure};
 use std::io::Write;
 use std::time::Instant;
 
@@ -106,40 +108,35 @@ impl<'a> Run<'a> {
         &mut self,
         description: &Description,
         world: &World<'_>,
+        ring: &mut Ring<'_>,
         mut state: State,
         stop: &StopArguments,
+        ranks: &mut Communicator<'_>,
     ) -> Result<Solved, Failure> {
         let rule = StopRule { until: stop.until, max_shots: stop.max_shots };
-        let arguments = self.arguments;
-        let mut checkpoint = arguments.checkpoint.as_ref().map(Checkpoint::new);
-        let (reason, progress) = self.stage(Stage::Solve, |run| {
-            let result = solve::plain(world, &mut state, &rule, &mut Communicator::alone(), &mut |state, progress| {
-                run.reporter.shot(progress, stop, false);
-                if let Some(checkpoint) = &mut checkpoint {
-                    checkpoint.write_if_due(description, world, state);
-                }
-                run.control(stop)
-            })?;
-            run.reporter.shot(&result.1, stop, true);
-            Ok::<_, Failure>(result)
-        })?;
+        let checkpoint = self.arguments.checkpoint.as_ref().map(Checkpoint::new);
+        let (result, checkpoint) = self.stage(Stage::Solve, |run| {
+            let mut watch = Watch { run, stop, description, world, checkpoint };
+            let result = solve::plain(world, ring, &mut state, &rule, ranks, &mut watch);
+            let checkpoint = watch.checkpoint;
+            if let Ok((_, progress)) = &result {
+                run.reporter.shot(progress, stop, true);
+            }
+            (result, checkpoint)
+        });
+        let (reason, progress) = result?;
         if let Some(Checkpoint { failed: Some(error), .. }) = checkpoint {
             let mut warnings = Warnings::default();
             warnings.add("checkpoint-failed", format!("a checkpoint failed: {error}"), Place::default());
             self.warn(&warnings);
         }
-        let energy = state.energy(world);
+        let energy = state.energy(world, ranks)?;
         Ok(Solved { state, energy, progress, reason })
     }
 
-    fn control(&self, stop: &StopArguments) -> Control {
-        if let Some(reason) = self.signals.reason() {
-            return Control::Stop(reason);
-        }
-        match stop.time_limit {
-            Some(limit) if self.start.elapsed().as_secs_f64() >= limit => Control::Stop(StopReason::TimeLimit),
-            _ => Control::Continue,
-        }
+    fn reason_to_stop(&self, stop: &StopArguments) -> Option<StopReason> {
+        let late = stop.time_limit.is_some_and(|limit| self.start.elapsed().as_secs_f64() >= limit);
+        self.signals.reason().or(late.then_some(StopReason::TimeLimit))
     }
 
     /// Writes the outputs and the last checkpoint. One that fails does not keep the others from being written.
@@ -311,16 +308,47 @@ impl<'a> Checkpoint<'a> {
         Checkpoint { choice, last: Instant::now(), failed: None }
     }
 
+    fn is_due(&self) -> bool {
+        self.last.elapsed().as_secs_f64() >= self.choice.seconds
+    }
+
     /// A failed write is kept to be told, and tried again when the next one is due: the disk may have room by then.
-    fn write_if_due(&mut self, description: &Description, world: &World<'_>, state: &State) {
-        if self.last.elapsed().as_secs_f64() < self.choice.seconds {
-            return;
-        }
-        let energy = state.energy(world);
-        let snapshot = Snapshot { description, mesh: world.mesh, settings: &world.settings, state, energy: &energy };
-        if let Err(error) = files::write(&self.choice.file, |out| solution::write_snapshot(&snapshot, out)) {
+    fn write(&mut self, snapshot: &Snapshot<'_>) {
+        if let Err(error) = files::write(&self.choice.file, |out| solution::write_snapshot(snapshot, out)) {
             self.failed = Some(format!("{error:#}"));
         }
         self.last = Instant::now();
+    }
+}
+
+/// Watches the solver: shows how far it is, saves what it has, ends it.
+struct Watch<'a, 'b> {
+    run: &'a mut Run<'b>,
+    stop: &'a StopArguments,
+    description: &'a Description,
+    world: &'a World<'a>,
+    checkpoint: Option<Checkpoint<'b>>,
+}
+
+impl Observer for Watch<'_, '_> {
+    fn control(&mut self) -> Control {
+        match self.run.reason_to_stop(self.stop) {
+            Some(reason) => Control::Stop(reason),
+            None if self.checkpoint.as_ref().is_some_and(Checkpoint::is_due) => Control::Checkpoint,
+            None => Control::Continue,
+        }
+    }
+
+    fn observe(&mut self, progress: &Progress) {
+        self.run.reporter.shot(progress, self.stop, false);
+    }
+
+    fn checkpoint(&mut self, state: &State, ranks: &mut Communicator<'_>) -> Result<(), RankFailure> {
+        let energy = state.energy(self.world, ranks)?;
+        let (description, World { mesh, settings, .. }) = (self.description, self.world);
+        if let Some(checkpoint) = &mut self.checkpoint {
+            checkpoint.write(&Snapshot { description, mesh, settings, state, energy: &energy });
+        }
+        Ok(())
     }
 }

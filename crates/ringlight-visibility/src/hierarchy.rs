@@ -16,6 +16,17 @@ pub struct Tally {
     pub masks_without_rays: u64,
 }
 
+impl Tally {
+    /// Both counts.
+    pub fn join(self, other: Tally) -> Tally {
+        Tally {
+            rays: self.rays + other.rays,
+            masks: self.masks + other.masks,
+            masks_without_rays: self.masks_without_rays + other.masks_without_rays,
+        }
+    }
+}
+
 /// A ray for [`Hierarchy::nearest_hit`].
 #[derive(Clone, Copy, Debug)]
 pub struct Ray {

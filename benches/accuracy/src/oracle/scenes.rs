@@ -1,10 +1,10 @@
 //! Small scenes for the oracles: each shows one thing.
 
-use crate::scene::{Builder, Meshed, meshed};
+use crate::scene::{Builder, Meshed, Whole, meshed};
 use ringlight::mesh::NONE;
 use ringlight::scene::{Light, LightKind, Scene};
 use ringlight::shooting::Shoot;
-use ringlight::solve::{SolveSettings, World};
+use ringlight::solve::SolveSettings;
 
 /// A scene with what it is solved with.
 pub struct Case {
@@ -18,14 +18,18 @@ pub struct Case {
 
 impl Case {
     /// What is solved.
-    pub fn world(&self) -> World<'_> {
-        World::new(&self.scene.mesh, &self.scene.hierarchy, &self.scene.scene.lights, self.settings)
+    pub fn world(&self) -> Whole<'_> {
+        self.scene.world_of(self.settings)
     }
+}
+
+fn settings(cells: u32, shoot: Shoot, sky: Option<[f32; 3]>) -> SolveSettings {
+    SolveSettings { cells, shoot, sky, shooters_in_flight: 1 }
 }
 
 /// All scenes.
 pub fn all() -> Vec<Case> {
-    let case = |name, scene, cells, shoot| Case { name, scene, settings: SolveSettings { cells, shoot, sky: None } };
+    let case = |name, scene, cells, shoot| Case { name, scene, settings: settings(cells, shoot, None) };
     // Three elements along a patch's edge do not divide evenly among two, four or eight cells.
     let cut = |scene: Scene| meshed(scene, 0.7, 0.25);
     vec![
@@ -41,7 +45,7 @@ pub fn all() -> Vec<Case> {
         Case {
             name: "lamp, sun and sky",
             scene: cut(yard()),
-            settings: SolveSettings { cells: 4, shoot: Shoot::Elements, sky: Some([0.5, 0.7, 1.0]) },
+            settings: settings(4, Shoot::Elements, Some([0.5, 0.7, 1.0])),
         },
     ]
 }

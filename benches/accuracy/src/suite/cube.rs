@@ -4,6 +4,7 @@ use crate::scene::{Builder, meshed, solve};
 use crate::{Bound, Row, Section};
 use ringlight::mesh::Patch;
 use ringlight::shooting::Shoot;
+use ringlight::solve::SolveSettings;
 
 /// Radiosity of floor, ceiling and walls with one patch for each face, from the closed forms of the area-averaged form
 /// factors of opposite and adjacent squares (Howell C-11 and C-14).
@@ -34,8 +35,8 @@ pub fn measure() -> Section {
             b.material([0.5; 3], [f32::from(u8::from(faces == 3)); 3])
         });
         let cube = meshed(builder.scene(true), patch, element);
-        let mut world = cube.world(64);
-        world.settings.shoot = shoot;
+        let settings = SolveSettings { cells: 64, shoot, sky: None, shooters_in_flight: 1 };
+        let world = cube.world_of(settings);
         let (state, ..) = solve(&world, 1e-6);
         let face = |y: f64| move |patch: &Patch| (patch.normal.y - y).abs() < 0.5;
         let mean = |y: f64| 0.5 * cube.mean_irradiance(&state, face(y))[0];

@@ -101,7 +101,7 @@ pub fn measure() -> Section {
 fn balance(scene: &Meshed, until: f64) -> Energy {
     let world = scene.world(16);
     let (state, ..) = solve(&world, until);
-    state.energy(&world)
+    crate::scene::energy(&state, &world)
 }
 
 /// Patches whose exchange is looked at, spread over the scene.

@@ -1,6 +1,6 @@
 //! Furnaces: closed scenes whose radiosity is known everywhere.
 
-use crate::scene::{Builder, Meshed, meshed, solve};
+use crate::scene::{Builder, Meshed, energy, meshed, solve};
 use crate::{Bound, Row, Section};
 use ringlight::solve::State;
 
@@ -72,7 +72,7 @@ pub fn measure() -> Section {
         let (state, _, _) = solve(&world, 1e-4);
         let d = deviations(&scene, &state);
         let rms = (d.iter().map(|x| x * x).sum::<f64>() / d.len() as f64).sqrt();
-        let energy = state.energy(&world);
+        let energy = energy(&state, &world);
         let mut row = |case: &str, expected: f64, found: f64, bound: Bound| {
             section.rows.push(Row { case: format!("elements {element} m: {case}"), expected, found, bound });
         };

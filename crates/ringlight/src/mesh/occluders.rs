@@ -4,7 +4,6 @@ use super::{Facet, Mesh, NONE};
 use crate::column::Column;
 use bytemuck::{Pod, Zeroable};
 use ringlight_visibility::{Bitmap, Filter, Hierarchy, Layout, OPAQUE, Triangle};
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Cut-out bitmaps, and how facets are covered.
@@ -46,17 +45,17 @@ impl Occluder {
     }
 }
 
-/// The hierarchy over all facets: triangle ids are twice the facet's number, plus 1 for a quadrilateral's second half.
+/// The hierarchy over all facets.
 pub fn hierarchy(mesh: &Mesh) -> Hierarchy {
-    hierarchy_of(mesh, std::iter::once(0..mesh.facets.len() as u32))
+    hierarchy_of(mesh, 0..mesh.facets.len() as u32)
 }
 
-/// The hierarchy over some facets; ids as in that over all of them.
-pub fn hierarchy_of(mesh: &Mesh, parts: impl Iterator<Item = Range<u32>> + Clone) -> Hierarchy {
+/// The hierarchy over some facets: triangle ids are twice the facet's number, plus 1 for a quadrilateral's second half.
+pub fn hierarchy_of(mesh: &Mesh, numbers: impl Iterator<Item = u32> + Clone) -> Hierarchy {
     let facets: &[Facet] = &mesh.facets;
     let blocking = || {
-        let numbered = parts.clone().flatten().map(|f| (f, &facets[f as usize]));
-        numbered.map(|(f, facet)| (f, facet, mesh.occluder.coverage(f, facet))).filter(|b| b.2 >= CLEAR_COVERAGE)
+        let facets = numbers.clone().map(|f| (f, &facets[f as usize]));
+        facets.map(|(f, facet)| (f, facet, mesh.occluder.coverage(f, facet))).filter(|b| b.2 >= CLEAR_COVERAGE)
     };
     let halves = |facet: &Facet| if facet.layout() == Layout::Quad { 2 } else { 1 };
     // Counted first: what is reserved and not used would count where memory is limited.

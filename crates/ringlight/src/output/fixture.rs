@@ -6,9 +6,10 @@ use crate::resources::{Bytes, Resources};
 use crate::scene::{self, ReadOptions, Scene};
 use crate::shooting::Shoot;
 use crate::solution::{Description, Solution};
-use crate::solve::{self, Control, Energy, SolveSettings, State, StopRule, World};
+use crate::solve::{self, Energy, Ring, SolveSettings, State, StopRule, World};
 use crate::transport::Communicator;
 use std::io;
+use std::sync::Arc;
 
 /// Materials: `grey`, `white`, `mirror` (too bright), `black`, `lamp`, `glow` (Ke 1, Kd 0.5).
 const MATERIALS: &str = "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl white\nKd 0.8 0.8 0.8\nnewmtl mirror\nKd 1 1 1\n\
@@ -35,12 +36,14 @@ pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
     let mut mesh = mesh::build(scene, &options, Store::Heap).unwrap();
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
-    let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None };
-    let world = World::new(&mesh, &hierarchy, &scene.lights, settings);
-    let mut state = State::new(&world);
+    let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
+    let ranks = &mut Communicator::alone();
+    let mut ring = Ring::alone(&mesh, Arc::new(hierarchy));
+    let world = World::new(&ring, &scene.lights, settings);
+    let mut state = State::new(&world, ranks).unwrap();
     let stop = StopRule { until, max_shots: None };
-    solve::plain(&world, &mut state, &stop, &mut Communicator::alone(), &mut |_, _| Control::Continue)
-        .expect("one rank does not fail");
+    solve::plain(&world, &mut ring, &mut state, &stop, ranks, &mut ()).unwrap();
+    drop((world, ring));
     let images = scene.images.iter().map(|i| Some(i.bytes.clone())).collect();
     let energy = Energy::default();
     Solution { description: Description::new(scene), mesh, settings, state, energy, images }

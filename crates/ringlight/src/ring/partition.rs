@@ -42,6 +42,16 @@ impl Rings {
         (1..=ranks).contains(&rings).then_some(Rings { ranks, rings })
     }
 
+    /// Number of ranks.
+    pub fn ranks(self) -> usize {
+        self.ranks
+    }
+
+    /// Number of rings.
+    pub fn rings(self) -> usize {
+        self.rings
+    }
+
     /// The ring of a rank.
     pub fn ring_of(self, rank: usize) -> usize {
         ((rank + 1) * self.rings - 1) / self.ranks

@@ -1,7 +1,7 @@
 //! The light that leaves a patch, place by place, and the shots made of it: of the whole patch or of a part.
 
 use super::cells::{Interpolation, Sharing};
-use super::shot::{FAR, PatchSource, Shoot, Shot, Source};
+use super::shot::{CellLight, FAR, PatchSource, Shoot, Shot, Source};
 use crate::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::{Cells, Grid, Shooter};
@@ -53,7 +53,7 @@ impl<'a> Field<'a> {
         } else {
             vec![self.mean; (side * side) as usize]
         };
-        self.shot_of(frame, self.patch.area, side, weights, density, power)
+        shot_of(self.patch, frame, &weights, density, power)
     }
 
     /// The shot of the part of the patch over `tile`, its light as in the whole patch; `scale` is [`Field::scale`].
@@ -67,7 +67,7 @@ impl<'a> Field<'a> {
             let mean = std::array::from_fn(|c| scale[c] * mean[c]);
             weights = self.scaled(tile, averages, side, &density, mean);
         }
-        self.shot_of(&frame, frame.area_vector().length(), side, weights, density, 0.0)
+        shot_of(self.patch, &frame, &weights, density, 0.0)
     }
 
     /// What the interpolated light is multiplied by to give the patch's exact power.
@@ -86,51 +86,6 @@ impl<'a> Field<'a> {
 
     fn is_constant(&self) -> bool {
         self.radiosity.len() == 1 && self.valid[0] == ALL_VALID
-    }
-
-    fn shot_of(
-        &self,
-        frame: &Frame,
-        area: f64,
-        side: u32,
-        weights: Vec<[f64; 3]>,
-        density: [f32; 64],
-        power: f64,
-    ) -> Shot {
-        let (corners, count) = frame.corners();
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let mut diameter = 0.0f64;
-        for &a in &corners[..count] {
-            (low, high) = (low.min(a), high.max(a));
-            diameter = corners[..count].iter().map(|&b| (a - b).length()).fold(diameter, f64::max);
-        }
-        let single = |p: DVec3| p.as_vec3().to_array();
-        let grid = Grid {
-            origin: single(frame.origin),
-            edge_u: single(frame.edge_u),
-            edge_v: single(frame.edge_v),
-            twist: single(frame.twist),
-            layout: frame.layout,
-            side,
-        };
-        Shot {
-            shooter: Shooter { cells: Cells::Grid(grid), plane: self.patch.plane, far: FAR },
-            light: weights.iter().map(|w| w.map(|x| x as f32)).collect(),
-            source: Source::Patch(Box::new(PatchSource {
-                patch: self.patch.id,
-                frame: *frame,
-                corners,
-                count,
-                normal: self.patch.normal,
-                area,
-                diameter,
-                low,
-                high,
-                density,
-                parts: OnceLock::new(),
-            })),
-            power,
-        }
     }
 
     /// Averages over the cells of a part; parts covered by other geometry are dark.
@@ -177,6 +132,50 @@ impl<'a> Field<'a> {
         }
         scale_to(&mut weights, density, mean);
         weights
+    }
+}
+
+/// The shot of a whole patch from the light of its cells, as its owner has made it with [`Field::shot`].
+pub(super) fn announced(patch: &Patch, light: &[CellLight], power: f64) -> Shot {
+    let weights: Vec<[f64; 3]> = light.iter().map(|w| w.map(f64::from)).collect();
+    shot_of(patch, &patch.frame, &weights, densities(&patch.frame, weights.len().isqrt() as u32), power)
+}
+
+/// The shot of the part of a patch that `frame` spans; `weights` is the light of its cells.
+fn shot_of(patch: &Patch, frame: &Frame, weights: &[[f64; 3]], density: [f32; 64], power: f64) -> Shot {
+    let (corners, count) = frame.corners();
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let mut diameter = 0.0f64;
+    for &a in &corners[..count] {
+        (low, high) = (low.min(a), high.max(a));
+        diameter = corners[..count].iter().map(|&b| (a - b).length()).fold(diameter, f64::max);
+    }
+    let single = |p: DVec3| p.as_vec3().to_array();
+    let grid = Grid {
+        origin: single(frame.origin),
+        edge_u: single(frame.edge_u),
+        edge_v: single(frame.edge_v),
+        twist: single(frame.twist),
+        layout: frame.layout,
+        side: weights.len().isqrt() as u32,
+    };
+    Shot {
+        shooter: Shooter { cells: Cells::Grid(grid), plane: patch.plane, far: FAR },
+        light: weights.iter().map(|w| w.map(|x| x as f32)).collect(),
+        source: Source::Patch(Box::new(PatchSource {
+            patch: patch.id,
+            frame: *frame,
+            corners,
+            count,
+            normal: patch.normal,
+            area: frame.area_vector().length(),
+            diameter,
+            low,
+            high,
+            density,
+            parts: OnceLock::new(),
+        })),
+        power,
     }
 }
 

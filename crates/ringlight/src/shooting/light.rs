@@ -3,6 +3,7 @@
 use crate::mesh::{Mesh, Patch};
 use crate::quantity::Rgb;
 use bytemuck::{Pod, Zeroable};
+use std::ops::Range;
 
 /// Light of one element. Irradiance in W/m² or lux.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -80,6 +81,22 @@ impl ClusterLight {
         }
         light
     }
+
+    /// Light of the elements of one of the cluster's patches.
+    pub fn patch(&self, mesh: &Mesh, patch: &Patch) -> &[ElementLight] {
+        &self.elements[places(mesh, patch)]
+    }
+
+    /// The same, to be changed.
+    pub fn patch_mut(&mut self, mesh: &Mesh, patch: &Patch) -> &mut [ElementLight] {
+        &mut self.elements[places(mesh, patch)]
+    }
+}
+
+/// Where the elements of a patch stand within its cluster's.
+fn places(mesh: &Mesh, patch: &Patch) -> Range<usize> {
+    let first = (patch.first_element - mesh.clusters[mesh.cluster_of(patch.id)].elements.start) as usize;
+    first..first + patch.element_count() as usize
 }
 
 /// Unshot radiosity ΔB of element `element`, of the part that is free of other geometry.

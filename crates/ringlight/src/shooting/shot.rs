@@ -1,6 +1,6 @@
 //! A shot: what travels from the shooter's owner to all receivers.
 
-use super::field::Field;
+use super::field::{Field, announced};
 use super::gather::Parts;
 use super::light::{ClusterLight, unshot_radiosity};
 use crate::mesh::{Frame, Mesh, Patch};
@@ -84,7 +84,8 @@ pub struct PatchSource {
 /// The shot of a patch with `side`² cells: its unshot light.
 pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize, side: u32, shoot: Shoot) -> Shot {
     let cluster_patch = &light.patches[first];
-    let radiosity: Vec<[f64; 3]> = patch_elements(mesh, patch, light)
+    let radiosity: Vec<[f64; 3]> = light
+        .patch(mesh, patch)
         .iter()
         .enumerate()
         .map(|(k, e)| unshot_radiosity(mesh, patch, patch.first_element + k as u32, e, cluster_patch.emission_waits))
@@ -92,12 +93,28 @@ pub fn patch_shot(mesh: &Mesh, patch: &Patch, light: &ClusterLight, first: usize
     Field::new(mesh, patch, &radiosity).shot(side, shoot, cluster_patch.unshot_power)
 }
 
+impl Shot {
+    /// What tells others of a patch's shot, see [`Shot::from_bytes`]: its number, its power, the light of its cells.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let Source::Patch(source) = &self.source else { return Vec::new() };
+        let mut bytes = source.patch.to_le_bytes().to_vec();
+        bytes.extend_from_slice(&self.power.to_le_bytes());
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.light));
+        bytes
+    }
+
+    /// The shot of a patch of `mesh` that another rank tells of; none if the bytes are no such thing.
+    pub fn from_bytes(mesh: &Mesh, bytes: &[u8]) -> Option<Shot> {
+        let (patch, rest) = bytes.split_first_chunk()?;
+        let (power, light) = rest.split_first_chunk()?;
+        let patch = u32::from_le_bytes(*patch);
+        let light: Vec<CellLight> =
+            light.len().is_multiple_of(size_of::<CellLight>()).then(|| bytemuck::pod_collect_to_vec(light))?;
+        let cells = [1, 4, 16, 64].contains(&light.len());
+        let known = cells && (patch as usize) < mesh.patch_count();
+        known.then(|| announced(&mesh.patch(patch), &light, f64::from_le_bytes(*power)))
+    }
+}
+
 /// Hits in the last ten-thousandth of the way to a cell do not count.
 pub const FAR: f32 = 0.9999;
-
-/// The elements of a patch within its cluster's light.
-fn patch_elements<'a>(mesh: &Mesh, patch: &Patch, light: &'a ClusterLight) -> &'a [super::ElementLight] {
-    let cluster = mesh.cluster_of(patch.id);
-    let first = (patch.first_element - mesh.clusters[cluster].elements.start) as usize;
-    &light.elements[first..first + patch.element_count() as usize]
-}

@@ -1,6 +1,10 @@
 //! The energy audit, and sums that do not depend on order.
 
+use crate::transport::{Communicator, Failure};
 use serde::{Deserialize, Serialize};
+
+/// Tag of the messages that join sums.
+const SUM: u32 = 6;
 
 /// A sum of numbers that is the same in any order: fixed point with 2⁻⁶⁰ resolution.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,6 +22,12 @@ impl ExactSum {
     /// Both sums.
     pub fn join(self, other: ExactSum) -> ExactSum {
         ExactSum(self.0.saturating_add(other.0))
+    }
+
+    /// That of all ranks; each calls it.
+    pub fn of_all(self, ranks: &mut Communicator<'_>) -> Result<ExactSum, Failure> {
+        let join = |a, b| ExactSum(i128::from_le_bytes(a)).join(ExactSum(i128::from_le_bytes(b))).0.to_le_bytes();
+        Ok(ExactSum(i128::from_le_bytes(ranks.all_reduce(SUM, self.0.to_le_bytes(), join)?)))
     }
 
     /// The sum.

@@ -1,17 +1,19 @@
-//! Visibility over a ring: the pipeline of `ring`, driven over the communicator.
+//! Visibility over a ring: the pipeline of `ring`, driven over the communicator, for several jobs at a time.
 
 use crate::ring::{Action, Bounds, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
 use crate::transport::{Communicator, Failure, Message};
-use ringlight_visibility::Shooter;
+use rayon::prelude::*;
+use ringlight_visibility::{Hierarchy, Shooter, Tally};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Tag of packets between members of a ring.
 const PARCEL: u32 = 2;
 
-/// Tag of a member's word to the first of its ring that its own packets are home.
+/// Tag of a member's word to the first of its ring that its own packets of a job are home.
 const HOME: u32 = 3;
 
-/// Tag of the first member's word that all are.
+/// Tag of the first member's word that those of all are.
 const ALL_HOME: u32 = 4;
 
 /// Parcels gather to messages of about so many bytes, unless there is nothing else to do: the cost of a message, some
@@ -23,36 +25,54 @@ pub struct RingExchange {
     pipeline: Pipeline,
     /// First rank of the ring, which consists of consecutive ranks.
     first: usize,
-    outlines: Arc<Vec<Vec<Bounds>>>,
+    /// Jobs under way, by number.
+    jobs: BTreeMap<u64, Job>,
+    /// Jobs that are over for members which have begun them before this one: known only to the first.
+    early: BTreeMap<u64, usize>,
     /// Parcels that wait for company, by member.
     outbox: Vec<Vec<u8>>,
+    tally: Tally,
 }
 
-/// What a rank does for a shot, besides sending and waiting.
+/// A job: what all members of the ring ask about one shooter.
+struct Job {
+    shooter: Shooter,
+    /// What this rank holds for it.
+    hierarchy: Arc<Hierarchy>,
+    /// Own packets under way.
+    in_flight: usize,
+    /// Members whose packets are home; counted by the first.
+    done: usize,
+    /// Whether this rank's packets are home, all of them.
+    here: bool,
+    /// Whether those of all members are.
+    everywhere: bool,
+}
+
+/// What a rank asks its ring for in a job.
 pub trait Part {
-    /// The next packet of this rank, if there is another now; a finished one may make room for more.
+    /// The next packet of this rank, if there is another now; a finished one may make room for more. The job is done when
+    /// there is none and none is under way.
     fn next(&mut self) -> Option<Packet>;
-    /// Clears the bits that the geometry held here blocks.
-    fn test(&mut self, packet: &mut Packet);
     /// Takes the final masks of a packet that [`Part::next`] gave.
     fn finish(&mut self, ticket: u32, masks: Vec<u64>);
 }
 
+/// Own parts of the jobs under way, by number.
+pub type Parts<P> = BTreeMap<u64, P>;
+
 impl RingExchange {
-    /// Of rank `rank`; `outlines` are the boxes around the shards of its ring's members. At most `window` own packets are
-    /// under way at a time.
-    pub fn new(
-        rings: Rings,
-        rank: usize,
-        outlines: Arc<Vec<Vec<Bounds>>>,
-        routing: Routing,
-        window: usize,
-    ) -> RingExchange {
+    /// Of rank `rank`. At most `window` own packets are under way at a time.
+    pub fn new(rings: Rings, rank: usize, routing: Routing, window: usize) -> RingExchange {
         let members = rings.members(rings.ring_of(rank));
-        assert_eq!(members.len(), outlines.len(), "every member of the ring has its boxes");
-        let pipeline = Pipeline::new(rank - members.start, routing, window);
-        let outbox = vec![Vec::new(); members.len()];
-        RingExchange { pipeline, first: members.start, outlines, outbox }
+        RingExchange {
+            pipeline: Pipeline::new(rank - members.start, routing, window),
+            first: members.start,
+            jobs: BTreeMap::new(),
+            early: BTreeMap::new(),
+            outbox: vec![Vec::new(); members.len()],
+            tally: Tally::default(),
+        }
     }
 
     /// Whether packets are compact, because their way depends on where they are: then a packet holds points of one cluster
@@ -66,54 +86,144 @@ impl RingExchange {
         self.pipeline.visits()
     }
 
-    /// Sees to the visibility of one shot: every rank of the ring calls it, and it returns when the packets of all are
-    /// home.
-    pub fn see(
+    /// Counts of the tests made here so far, for whomever.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// Begins job `number`, which every rank of the ring does. `outlines` are the boxes around the shards of the ring's
+    /// members, of which `hierarchy` is this rank's.
+    pub fn begin(
         &mut self,
-        ranks: &mut Communicator<'_>,
-        shot: u64,
+        number: u64,
         shooter: &Shooter,
-        part: &mut dyn Part,
-    ) -> Result<(), Failure> {
-        self.pipeline.begin(shot, Sight { shooter: shooter.clone(), outlines: self.outlines.clone() });
-        let mut over = Over::new(self.first, self.outlines.len());
-        while !over.everywhere {
-            // Once a shot is over, the next word of the same kind is of the next shot.
-            while !over.everywhere
-                && let Some(message) = ranks.receive_where(is_ours)?
-            {
-                self.take(ranks, message, &mut over)?;
-            }
-            while !over.here
-                && self.pipeline.has_room()
-                && let Some(packet) = part.next()
-            {
-                self.pipeline.submit(Packet { shot, ..packet });
-            }
-            match self.pipeline.poll() {
-                Some(Action::Send { to, parcel }) => {
+        outlines: Arc<Vec<Vec<Bounds>>>,
+        hierarchy: Arc<Hierarchy>,
+    ) {
+        assert_eq!(self.outbox.len(), outlines.len(), "every member of the ring has its boxes");
+        self.pipeline.begin(number, Sight { shooter: shooter.clone(), outlines });
+        let done = self.early.remove(&number).unwrap_or(0);
+        let shooter = shooter.clone();
+        self.jobs.insert(number, Job { shooter, hierarchy, in_flight: 0, done, here: false, everywhere: false });
+    }
+
+    /// Whether the packets of all members in a job are home. Then it is to be ended.
+    pub fn is_over(&self, number: u64) -> bool {
+        self.jobs.get(&number).is_none_or(|job| job.everywhere)
+    }
+
+    /// Forgets a job that is over.
+    pub fn end(&mut self, number: u64) {
+        self.pipeline.end(number);
+        self.jobs.remove(&number);
+    }
+
+    /// Does what can be done now; false if there is nothing to do before a message comes.
+    pub fn serve<P: Part>(&mut self, ranks: &mut Communicator<'_>, parts: &mut Parts<P>) -> Result<bool, Failure> {
+        let mut busy = false;
+        while let Some(message) = ranks.receive_where(is_ours)? {
+            self.take(ranks, message)?;
+            busy = true;
+        }
+        busy |= self.submit(parts);
+        let mut packets = Vec::new();
+        while packets.len() < rayon::current_num_threads()
+            && let Some(action) = self.pipeline.poll()
+        {
+            busy = true;
+            match action {
+                Action::Send { to, parcel } => {
                     parcel.write(&mut self.outbox[to]);
                     if self.outbox[to].len() >= MESSAGE {
                         self.post(ranks, to);
                     }
                 }
-                Some(Action::Test(mut packet)) => {
-                    part.test(&mut packet);
-                    self.pipeline.tested(packet);
-                }
-                Some(Action::Finish { ticket, masks, .. }) => part.finish(ticket, masks),
-                _ if over.everywhere => {}
-                None if self.pipeline.in_flight() == 0 && !over.here => over.is_over_here(ranks),
-                None => {
-                    // Nobody waits for a parcel that waits for company.
-                    (0..self.outbox.len()).for_each(|to| self.post(ranks, to));
-                    let message = ranks.wait_where(is_ours)?;
-                    self.take(ranks, message, &mut over)?;
+                Action::Test(packet) => packets.push(packet),
+                Action::Finish { shot, ticket, masks } => {
+                    self.job(shot).in_flight -= 1;
+                    parts.get_mut(&shot).expect("own packets belong to own parts").finish(ticket, masks);
                 }
             }
         }
-        self.pipeline.end(shot);
-        Ok(())
+        self.test(packets);
+        if !busy {
+            // Nobody waits for a parcel that waits for company.
+            (0..self.outbox.len()).for_each(|to| self.post(ranks, to));
+            busy = self.conclude(ranks);
+        }
+        Ok(busy)
+    }
+
+    /// Waits for a message when there is nothing to do.
+    pub fn wait(&mut self, ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+        let message = ranks.wait_where(is_ours)?;
+        self.take(ranks, message)
+    }
+
+    /// Lets own packets set off, those of earlier jobs first.
+    fn submit<P: Part>(&mut self, parts: &mut Parts<P>) -> bool {
+        let mut busy = false;
+        for (&number, part) in parts {
+            while self.pipeline.has_room()
+                && self.jobs.get(&number).is_some_and(|job| !job.here)
+                && let Some(packet) = part.next()
+            {
+                self.job(number).in_flight += 1;
+                self.pipeline.submit(Packet { shot: number, ..packet });
+                busy = true;
+            }
+        }
+        busy
+    }
+
+    /// Clears what this rank's geometry blocks, with all threads if there are several packets.
+    fn test(&mut self, mut packets: Vec<Packet>) {
+        let test = |packet: &mut Packet| {
+            let job = &self.jobs[&packet.shot];
+            let mut masks = std::mem::take(&mut packet.masks);
+            let tally = job.hierarchy.clear_blocked(&job.shooter, packet.points(), &mut masks);
+            packet.masks = masks;
+            tally
+        };
+        let tally = match packets.as_mut_slice() {
+            [] => return,
+            [packet] => test(packet),
+            packets => packets.par_iter_mut().map(test).reduce(Tally::default, Tally::join),
+        };
+        self.tally = self.tally.join(tally);
+        packets.into_iter().for_each(|packet| self.pipeline.tested(packet));
+    }
+
+    /// Tells the first member of jobs that are done here.
+    fn conclude(&mut self, ranks: &mut Communicator<'_>) -> bool {
+        // With nothing to do and none of its packets under way, a job's part has nothing more to ask: there was room.
+        let has_room = self.pipeline.has_room();
+        let done = |job: &Job| !job.here && job.in_flight == 0 && has_room;
+        let done: BTreeSet<u64> = self.jobs.iter().filter(|(_, job)| done(job)).map(|(&number, _)| number).collect();
+        for &number in &done {
+            self.job(number).here = true;
+            if ranks.rank() == self.first {
+                self.is_done_at_one(ranks, number);
+            } else {
+                ranks.send(self.first, HOME, number.to_ne_bytes().to_vec());
+            }
+        }
+        !done.is_empty()
+    }
+
+    /// The packets of one more member are home.
+    fn is_done_at_one(&mut self, ranks: &mut Communicator<'_>, number: u64) {
+        let members = self.outbox.len();
+        let Some(job) = self.jobs.get_mut(&number) else {
+            *self.early.entry(number).or_default() += 1;
+            return;
+        };
+        job.done += 1;
+        if job.done == members {
+            job.everywhere = true;
+            let tell = |place| ranks.send(self.first + place, ALL_HOME, number.to_ne_bytes().to_vec());
+            (1..members).for_each(tell);
+        }
     }
 
     /// Sends what has gathered for a member.
@@ -123,56 +233,31 @@ impl RingExchange {
         }
     }
 
-    fn take(&mut self, ranks: &mut Communicator<'_>, message: Message, over: &mut Over) -> Result<(), Failure> {
-        match message.tag {
-            PARCEL => {
-                let mut bytes = message.bytes.as_slice();
-                let failure =
-                    |error| Failure { rank: ranks.rank(), message: format!("from rank {}: {error}", message.from) };
-                while let Some(parcel) = Parcel::read(&mut bytes).map_err(failure)? {
-                    self.pipeline.receive(parcel);
-                }
+    fn take(&mut self, ranks: &mut Communicator<'_>, message: Message) -> Result<(), Failure> {
+        let rank = ranks.rank();
+        let failure = |error: String| Failure { rank, message: format!("from rank {}: {error}", message.from) };
+        if message.tag == PARCEL {
+            let mut bytes = message.bytes.as_slice();
+            while let Some(parcel) = Parcel::read(&mut bytes).map_err(|error| failure(error.to_string()))? {
+                self.pipeline.receive(parcel);
             }
-            HOME => over.is_over_at_another(ranks),
-            _ => over.everywhere = true,
+            return Ok(());
+        }
+        let number = message.bytes.as_slice().try_into().map(u64::from_ne_bytes);
+        let number = number.map_err(|_| failure("a word about a job without its number".into()))?;
+        if message.tag == HOME {
+            self.is_done_at_one(ranks, number);
+        } else {
+            self.job(number).everywhere = true;
         }
         Ok(())
+    }
+
+    fn job(&mut self, number: u64) -> &mut Job {
+        self.jobs.get_mut(&number).expect("a job lasts until it is over everywhere")
     }
 }
 
 fn is_ours(message: &Message) -> bool {
     [PARCEL, HOME, ALL_HOME].contains(&message.tag)
-}
-
-/// When a shot is over: a member whose packets are home says so to the first, which tells all once it has heard of all.
-struct Over {
-    first: usize,
-    members: usize,
-    /// Members known to be done; counted by the first.
-    done: usize,
-    here: bool,
-    everywhere: bool,
-}
-
-impl Over {
-    fn new(first: usize, members: usize) -> Over {
-        Over { first, members, done: 0, here: false, everywhere: false }
-    }
-
-    fn is_over_here(&mut self, ranks: &mut Communicator<'_>) {
-        self.here = true;
-        if ranks.rank() == self.first {
-            self.is_over_at_another(ranks);
-        } else {
-            ranks.send(self.first, HOME, Vec::new());
-        }
-    }
-
-    fn is_over_at_another(&mut self, ranks: &mut Communicator<'_>) {
-        self.done += 1;
-        if self.done == self.members {
-            (1..self.members).for_each(|place| ranks.send(self.first + place, ALL_HOME, Vec::new()));
-            self.everywhere = true;
-        }
-    }
 }

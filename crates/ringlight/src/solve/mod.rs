@@ -1,19 +1,23 @@
 //! Progressive refinement: choose, shoot, receive, until it is good.
 
+mod choice;
 mod energy;
 mod exchange;
 mod plain;
 mod receiving;
+mod ring;
+mod share;
 mod state;
 
 pub use energy::{Energy, ExactSum};
-pub use exchange::{Part, RingExchange};
 pub use plain::plain;
-pub use receiving::Ring;
+pub use ring::Ring;
+pub use share::{Share, Spread};
 pub use state::{State, World};
 
 use crate::quantity::Rgb;
 use crate::shooting::Shoot;
+use crate::transport::{Communicator, Failure};
 use serde::{Deserialize, Serialize};
 
 /// What decides the result, saved with it.
@@ -25,6 +29,13 @@ pub struct SolveSettings {
     pub shoot: Shoot,
     /// Radiance of the uniform sky, W/(m²·sr) or cd/m².
     pub sky: Option<Rgb>,
+    /// Most shots under way at once.
+    #[serde(default = "one")]
+    pub shooters_in_flight: u32,
+}
+
+fn one() -> u32 {
+    1
 }
 
 /// When to stop; not part of the result.
@@ -54,14 +65,36 @@ pub enum StopReason {
     Terminated,
 }
 
-/// What the observer wants after a shot.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What the observer wants before a shot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Control {
     /// Go on.
+    #[default]
     Continue,
+    /// Have the state saved, then go on.
+    Checkpoint,
     /// Stop, with a valid state.
     Stop(StopReason),
 }
+
+/// Watches a run.
+pub trait Observer {
+    /// Whether to go on; asked of rank 0 before the first shot and after every shot.
+    fn control(&mut self) -> Control {
+        Control::Continue
+    }
+
+    /// Told of every rank before the first shot and after every shot.
+    fn observe(&mut self, _progress: &Progress) {}
+
+    /// Saves the state, of which every rank holds its own clusters; called on all of them at the same time.
+    fn checkpoint(&mut self, _state: &State, _ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+        Ok(())
+    }
+}
+
+/// Lets a run go on to its end.
+impl Observer for () {}
 
 /// Where the run stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,156 +1,207 @@
 //! Plain progressive refinement (paper, sections 1.1 and 2.2; Cohen et al. 1988).
 
-use super::{Control, Progress, State, StopReason, StopRule, World};
-use crate::shooting::{self, Shot, Work};
+use super::choice::{Offer, Summary};
+use super::{Control, Observer, Progress, Ring, State, StopReason, StopRule, World};
+use crate::shooting::{self, ClusterLight, PatchLight, Shot};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
+use ringlight_visibility::Cells;
+use std::collections::VecDeque;
+use std::sync::Arc;
 
 /// Tag of the messages that choose the next shooter.
 const CHOOSE: u32 = 1;
 
-/// Shoots until `stop` or the observer ends it. The observer is called before the first shot and after every shot. An error
-/// says which rank failed.
+/// Tag of the messages that tell of it.
+const SHOT: u32 = 5;
+
+/// A shot under way: it has been chosen, and has not yet been committed.
+struct Chosen {
+    shot: Arc<Shot>,
+    /// The patch, if it is one.
+    patch: Option<u32>,
+    /// What its elements had unshot when it was chosen; empty but at its owner.
+    unshot: Vec<[f32; 3]>,
+}
+
+/// Shoots until `stop` or the observer ends it; every rank of the world calls it with the same settings. An error says
+/// which rank failed.
+///
+/// Up to `shooters_in_flight` shots are under way at once: shot j is chosen when shot j − K has been committed, its light
+/// is that of this moment, and it leaves the unshot light when it is committed, in the order of choice. Shots under way
+/// when the run ends are dropped, and nothing is lost: their light is unshot still.
 pub fn plain(
     world: &World<'_>,
+    ring: &mut Ring<'_>,
     state: &mut State,
     stop: &StopRule,
     ranks: &mut Communicator<'_>,
-    observer: &mut dyn FnMut(&State, &Progress) -> Control,
+    observer: &mut dyn Observer,
 ) -> Result<(StopReason, Progress), Failure> {
-    let mut progress = Progress::default();
+    let mut under_way: VecDeque<Chosen> = VecDeque::new();
+    // Whether the last shot has been committed since the observer was told.
+    let mut news = true;
     loop {
-        progress.shots = state.shots;
-        progress.unshot_share = if state.emitted > 0.0 { state.unshot(world) / state.emitted } else { 0.0 };
-        if let Control::Stop(reason) = observer(state, &progress) {
+        let control = if news && ranks.rank() == 0 { observer.control() } else { Control::Continue };
+        let summary = summarise(ring, state, &under_way, control);
+        let joined = ranks
+            .all_reduce_meanwhile(CHOOSE, summary.to_bytes(), Summary::join_bytes, &mut |ranks| ring.serve(ranks))?;
+        let joined = Summary::from_bytes(joined);
+        let progress = progress(world, state, &joined);
+        if news {
+            observer.observe(&progress);
+            news = false;
+        }
+        if joined.control == Control::Checkpoint {
+            observer.checkpoint(state, ranks)?;
+        }
+        if let Some(reason) = reason_to_stop(world, state, stop, &joined, &progress) {
             return Ok((reason, progress));
         }
-        if stop.max_shots.is_some_and(|n| state.shots >= n) {
-            return Ok((StopReason::MaxShots, progress));
+        let number = state.shots + under_way.len() as u64;
+        let room = (under_way.len() as u64) < u64::from(world.settings.shooters_in_flight);
+        let next = if room && stop.max_shots.is_none_or(|n| number < n) {
+            choose(world, ring, state, &under_way, joined.offer, ranks)?
+        } else {
+            None
+        };
+        if let Some(next) = next {
+            ring.begin(number, &next.shot);
+            under_way.push_back(next);
+            if (under_way.len() as u64) < u64::from(world.settings.shooters_in_flight) {
+                continue;
+            }
         }
-        if progress.unshot_share <= stop.until && !emission_waits(world, state) {
-            return Ok((StopReason::Converged, progress));
-        }
-        let Some(shot) = take_next(world, state, ranks)? else {
+        let Some(first) = under_way.pop_front() else {
             return Ok((StopReason::NothingLeft, progress));
         };
-        receive_everywhere(world, state, &shot, &mut progress);
-        audit(world, state, &shot);
+        ring.commit(ranks, state.shots, &first.shot, &mut state.clusters)?;
+        commit(world, state, &first);
+        audit(world, ring, state, &first.shot);
         state.shots += 1;
+        news = true;
     }
 }
 
-/// Whether some emitter has not been shot yet: each is, before the stop rule may end a run.
-fn emission_waits(world: &World<'_>, state: &State) -> bool {
-    (state.emitters_shot as usize) < world.emitters.len()
-        || state.clusters.par_iter().any(|c| c.patches.iter().any(|p| p.emission_waits && p.unshot_power > 0.0))
+fn reason_to_stop(
+    world: &World<'_>,
+    state: &State,
+    stop: &StopRule,
+    joined: &Summary,
+    progress: &Progress,
+) -> Option<StopReason> {
+    if let Control::Stop(reason) = joined.control {
+        return Some(reason);
+    }
+    if stop.max_shots.is_some_and(|n| state.shots >= n) {
+        return Some(StopReason::MaxShots);
+    }
+    // Each emitter is shot before the stop rule may end a run.
+    let emission_waits = (state.emitters_shot as usize) < world.emitters.len() || joined.emission_waits;
+    (progress.unshot_share <= stop.until && !emission_waits).then_some(StopReason::Converged)
 }
 
-/// Takes the next shot out of the unshot light: first the lights that are no surfaces, then always the patch with the most
-/// unshot power, the lower id among equals.
-fn take_next(world: &World<'_>, state: &mut State, ranks: &mut Communicator<'_>) -> Result<Option<Shot>, Failure> {
-    if let Some(emitter) = world.emitters.get(state.emitters_shot as usize) {
-        state.emitters_shot += 1;
-        return Ok(Some(emitter.clone()));
+/// This rank's part of what is known before a shot.
+fn summarise(ring: &Ring<'_>, state: &State, under_way: &VecDeque<Chosen>, control: Control) -> Summary {
+    let mesh = ring.mesh();
+    let own = ring.share().own.par_iter().zip(&state.clusters);
+    let of_cluster = |(&cluster, light): (&u32, &ClusterLight)| {
+        let mut summary = Summary::default();
+        for (patch, id) in light.patches.iter().zip(mesh.clusters[cluster as usize].patches.start..) {
+            if !under_way.iter().any(|chosen| chosen.patch == Some(id)) {
+                summary.offer = summary.offer.better(Offer::new(patch.unshot_power, id));
+            }
+            summary.unshot.add(patch.unshot_power);
+            summary.emission_waits |= patch.emission_waits && patch.unshot_power > 0.0;
+        }
+        summary
+    };
+    let joined = own.map(of_cluster).reduce(Summary::default, Summary::join);
+    Summary { tally: ring.tally(), control, ..joined }
+}
+
+fn progress(world: &World<'_>, state: &State, joined: &Summary) -> Progress {
+    let unshot = joined.unshot.join(world.unshot(state.emitters_shot)).value();
+    Progress {
+        shots: state.shots,
+        unshot_share: if state.emitted > 0.0 { unshot / state.emitted } else { 0.0 },
+        rays: joined.tally.rays,
+        masks: joined.tally.masks,
+        masks_without_rays: joined.tally.masks_without_rays,
     }
-    let mesh = world.mesh;
-    let best = state
-        .clusters
-        .par_iter()
-        .enumerate()
-        .map(|(c, light)| {
-            let first = mesh.clusters[c].patches.start;
-            light
-                .patches
-                .iter()
-                .zip(first..)
-                .fold(Offer::NONE, |best, (p, id)| best.better(Offer::new(p.unshot_power, id)))
-        })
-        .reduce(|| Offer::NONE, Offer::better);
-    let best = Offer(u128::from_le_bytes(ranks.all_reduce(CHOOSE, best.0.to_le_bytes(), |a, b| {
-        Offer(u128::from_le_bytes(a)).better(Offer(u128::from_le_bytes(b))).0.to_le_bytes()
-    })?));
+}
+
+/// The next shot: first the lights that are no surfaces, then always the patch with the most unshot power, which its owner
+/// tells of.
+fn choose(
+    world: &World<'_>,
+    ring: &mut Ring<'_>,
+    state: &State,
+    under_way: &VecDeque<Chosen>,
+    best: Offer,
+    ranks: &mut Communicator<'_>,
+) -> Result<Option<Chosen>, Failure> {
+    let emitters = under_way.iter().filter(|chosen| chosen.patch.is_none()).count();
+    if let Some(emitter) = world.emitters.get(state.emitters_shot as usize + emitters) {
+        return Ok(Some(Chosen { shot: emitter.clone(), patch: None, unshot: Vec::new() }));
+    }
     let Some(id) = best.patch() else { return Ok(None) };
+    let (mesh, share) = (world.mesh, ring.share().clone());
     let cluster = mesh.cluster_of(id);
+    let owner = share.owners[cluster] as usize;
+    let own = share.place(cluster).map(|place| {
+        let light = &state.clusters[place];
+        let patch = mesh.patch(id);
+        let index = (id - mesh.clusters[cluster].patches.start) as usize;
+        let side = world.settings.cells.isqrt();
+        let shot = shooting::patch_shot(mesh, &patch, light, index, side, world.settings.shoot);
+        (shot, light.patch(mesh, &patch).iter().map(|e| e.unshot).collect())
+    });
+    let bytes = own.as_ref().map_or(Vec::new(), |(shot, _)| shot.to_bytes());
+    let bytes = ranks.broadcast_meanwhile(owner, SHOT, bytes, &mut |ranks| ring.serve(ranks))?;
+    let (shot, unshot) = match own {
+        Some(own) => own,
+        None => {
+            let message = format!("from rank {owner}: {} bytes are no shot", bytes.len());
+            let shot = Shot::from_bytes(mesh, &bytes).ok_or(Failure { rank: share.rank, message })?;
+            (shot, Vec::new())
+        }
+    };
+    Ok(Some(Chosen { shot: Arc::new(shot), patch: Some(id), unshot }))
+}
+
+/// What has been shot is unshot no longer; what came since it was chosen is.
+fn commit(world: &World<'_>, state: &mut State, chosen: &Chosen) {
+    let mesh = world.mesh;
+    let Some(id) = chosen.patch else {
+        state.emitters_shot += 1;
+        return;
+    };
+    let cluster = mesh.cluster_of(id);
+    let Some(place) = world.share.place(cluster) else { return };
+    let (patch, light) = (mesh.patch(id), &mut state.clusters[place]);
+    let elements = light.patch_mut(mesh, &patch);
+    for (element, unshot) in elements.iter_mut().zip(&chosen.unshot) {
+        (0..3).for_each(|c| element.shot[c] += unshot[c]);
+        (0..3).for_each(|c| element.unshot[c] -= unshot[c]);
+    }
+    let unshot_power = shooting::unshot_power(mesh, &patch, elements, false);
     let index = (id - mesh.clusters[cluster].patches.start) as usize;
-    let patch = mesh.patch(id);
-    let light = &mut state.clusters[cluster];
-    let side = f64::from(world.settings.cells).sqrt() as u32;
-    let shot = shooting::patch_shot(mesh, &patch, light, index, side, world.settings.shoot);
-    light.patches[index] = Default::default();
-    let first = (patch.first_element - mesh.clusters[cluster].elements.start) as usize;
-    for element in &mut light.elements[first..first + patch.element_count() as usize] {
-        element.shot = element.mean();
-        element.unshot = [0.0; 3];
-    }
-    Ok(Some(shot))
-}
-
-/// A patch offered as the next shooter, as a number that is larger for the better one: power first (non-negative floats
-/// order like their bits), then the lower id.
-#[derive(Clone, Copy, PartialEq, Eq)]
-struct Offer(u128);
-
-impl Offer {
-    const NONE: Offer = Offer(0);
-
-    fn new(power: f64, patch: u32) -> Offer {
-        if power > 0.0 { Offer(u128::from(power.to_bits()) << 32 | u128::from(!patch)) } else { Offer::NONE }
-    }
-
-    fn better(self, other: Offer) -> Offer {
-        Offer(self.0.max(other.0))
-    }
-
-    fn patch(self) -> Option<u32> {
-        (self != Offer::NONE).then_some(!(self.0 as u32))
-    }
-}
-
-/// Every cluster receives the shot, in parallel; each computes its light alone.
-fn receive_everywhere(world: &World<'_>, state: &mut State, shot: &Shot, progress: &mut Progress) {
-    let tally = state
-        .clusters
-        .par_iter_mut()
-        .enumerate()
-        .with_min_len(4)
-        .map_init(Work::default, |work, (c, light)| {
-            shooting::receive(world.mesh, c, light, shot, world.hierarchy, work)
-        })
-        .reduce(Default::default, |a, b| ringlight_visibility::Tally {
-            rays: a.rays + b.rays,
-            masks: a.masks + b.masks,
-            masks_without_rays: a.masks_without_rays + b.masks_without_rays,
-        });
-    progress.rays += tally.rays;
-    progress.masks += tally.masks;
-    progress.masks_without_rays += tally.masks_without_rays;
+    light.patches[index] = PatchLight { unshot_power, emission_waits: false };
 }
 
 /// Follows the shot's light with rays of its own: the more power, the more rays.
-fn audit(world: &World<'_>, state: &mut State, shot: &Shot) {
+fn audit(world: &World<'_>, ring: &Ring<'_>, state: &mut State, shot: &Shot) {
     let share = if state.emitted > 0.0 { shot.power / state.emitted } else { 0.0 };
     let rays = (share * 65_536.0).clamp(16.0, 16_384.0) as u32;
-    let fate = shooting::audit(world.mesh, world.hierarchy, shot, rays, world.centre, world.radius);
+    let fate = shooting::audit(world.mesh, ring.whole(), shot, rays, world.centre, world.radius);
     // Light from infinity that misses the scene was never counted as emitted.
     let (escaped, meeting) = match shot.shooter.cells {
-        ringlight_visibility::Cells::Directions(_) => (fate.escaped - fate.escaped_at_once, 1.0 - fate.escaped_at_once),
+        Cells::Directions(_) => (fate.escaped - fate.escaped_at_once, 1.0 - fate.escaped_at_once),
         _ => (fate.escaped, 1.0),
     };
     if meeting > 0.0 {
         state.escaped += shot.power * escaped / meeting;
         state.absorbed_by_backs += shot.power * fate.backs / meeting;
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::Offer;
-
-    #[test]
-    fn more_power_wins_and_then_the_lower_patch() {
-        assert_eq!(Offer::new(2.0, 9).better(Offer::new(1.0, 3)).patch(), Some(9));
-        assert_eq!(Offer::new(2.0, 9).better(Offer::new(2.0, 3)).patch(), Some(3));
-        assert_eq!(Offer::new(0.0, 9).patch(), None);
-        assert_eq!(Offer::new(1e-300, 0).better(Offer::NONE).patch(), Some(0));
     }
 }

@@ -1,14 +1,16 @@
-//! What a rank's clusters receive from a shot when the occluders are spread over a ring.
+//! The points of a rank's own clusters that receive a shot: out in packets, home with final masks.
 
-use super::exchange::{Part, RingExchange};
+use super::exchange::Part;
+use super::share::Share;
 use crate::mesh::Mesh;
 use crate::ring::Packet;
 use crate::shooting::{self, ClusterLight, Shot, Work};
-use crate::transport::{Communicator, Failure};
-use ringlight_visibility::{Hierarchy, Tally};
+use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 /// A cluster of which points are under way.
+#[derive(Default)]
 struct Slot {
     /// Place in the list of own clusters.
     cluster: usize,
@@ -27,13 +29,11 @@ struct Segment {
     count: usize,
 }
 
-/// A rank's part in a shot: points of its own clusters in packets, tests in its shard, light from final masks.
-struct Receiving<'a> {
+/// A rank's part in a shot.
+pub struct Receiving<'a> {
     mesh: &'a Mesh,
-    shot: &'a Shot,
-    shard: &'a Hierarchy,
-    own: &'a [u32],
-    light: &'a mut [ClusterLight],
+    shot: Arc<Shot>,
+    share: Arc<Share>,
     packet_size: usize,
     /// Whether packets hold points of one cluster only.
     compact: bool,
@@ -46,73 +46,92 @@ struct Receiving<'a> {
     filling: VecDeque<usize>,
     under_way: BTreeMap<u32, Vec<Segment>>,
     tickets: u32,
-    tally: Tally,
+    /// Slots whose masks are final.
+    seen: Vec<usize>,
 }
 
-/// What a rank needs to ask its ring.
-pub struct Ring<'a, 'b> {
-    /// What this rank holds of the geometry.
-    pub shard: &'a Hierarchy,
-    /// Most points of a packet; does not change results.
-    pub packet_size: usize,
-    /// Its place in the pipeline.
-    pub exchange: &'a mut RingExchange,
-    /// Its way to the others.
-    pub ranks: &'a mut Communicator<'b>,
-}
-
-impl Ring<'_, '_> {
-    /// Adds to `light`, the light of the clusters `own` of this rank, what they receive from shot number `number`. Every
-    /// rank of the ring calls it. The tally counts the tests made here, for whomever.
-    pub fn receive(
-        &mut self,
-        mesh: &Mesh,
-        own: &[u32],
-        light: &mut [ClusterLight],
-        number: u64,
-        shot: &Shot,
-    ) -> Result<Tally, Failure> {
-        assert!(own.len() == light.len() && self.packet_size > 0);
-        let mut part = Receiving {
+impl<'a> Receiving<'a> {
+    /// The part of a rank with this share. Packets have at most `packet_size` points; `compact` ones are of one cluster
+    /// each.
+    pub fn new(mesh: &'a Mesh, share: Arc<Share>, shot: Arc<Shot>, packet_size: usize, compact: bool) -> Receiving<'a> {
+        assert!(packet_size > 0, "packets without points go nowhere");
+        Receiving {
             mesh,
             shot,
-            shard: self.shard,
-            own,
-            light,
-            packet_size: self.packet_size,
-            compact: self.exchange.wants_compact_packets(),
+            share,
+            packet_size,
+            compact,
             next: 0,
             slots: Vec::new(),
             free: Vec::new(),
             filling: VecDeque::new(),
             under_way: BTreeMap::new(),
             tickets: 0,
-            tally: Tally::default(),
-        };
-        self.exchange.see(self.ranks, number, &shot.shooter, &mut part)?;
-        Ok(part.tally)
+            seen: Vec::new(),
+        }
     }
-}
 
-impl Receiving<'_> {
-    /// Collects the points of the next own cluster that faces the shooter; false if there is none.
-    fn collect_next(&mut self) -> bool {
-        while self.next < self.own.len() {
-            let cluster = self.next;
-            self.next += 1;
-            let slot = self.free.pop().unwrap_or_else(|| {
-                self.slots.push(Slot { cluster, work: Work::default(), sent: 0, home: 0 });
-                self.slots.len() - 1
-            });
-            let Slot { work, .. } = &mut self.slots[slot];
-            shooting::collect(self.mesh, self.own[cluster] as usize, self.shot, work);
-            if work.packet().points().is_empty() {
-                self.free.push(slot);
-                continue;
+    /// Number of clusters whose masks are final and wait for [`Receiving::add_seen`].
+    pub fn seen(&self) -> usize {
+        self.seen.len()
+    }
+
+    /// Adds to `light`, the light of own clusters, what those receive whose masks are final.
+    pub fn add_seen(&mut self, light: &mut [ClusterLight]) {
+        let take = |slot: usize| {
+            let Slot { cluster, work, .. } = &mut self.slots[slot];
+            (*cluster, slot, std::mem::take(work))
+        };
+        let mut seen: Vec<(usize, usize, Work)> = self.seen.iter().copied().map(take).collect();
+        seen.sort_unstable_by_key(|&(cluster, ..)| cluster);
+        let light = chosen(light, seen.iter().map(|&(cluster, ..)| cluster));
+        let (mesh, shot) = (self.mesh, &self.shot);
+        let add = |((cluster, _, work), light): (&mut (usize, usize, Work), &mut ClusterLight)| {
+            shooting::add_received(mesh, self.share.own[*cluster] as usize, light, shot, work);
+        };
+        if seen.len() > 1 {
+            seen.par_iter_mut().zip(light).for_each(add);
+        } else {
+            seen.iter_mut().zip(light).for_each(add);
+        }
+        for (_, slot, work) in seen {
+            self.slots[slot].work = work;
+        }
+        self.free.append(&mut self.seen);
+    }
+
+    /// Collects the points of next own clusters that face the shooter, one for each thread; false if there are none.
+    fn collect(&mut self) -> bool {
+        while self.next < self.share.own.len() {
+            let count = rayon::current_num_threads().min(self.share.own.len() - self.next);
+            while self.free.len() < count {
+                self.free.push(self.slots.len());
+                self.slots.push(Slot::default());
             }
-            (self.slots[slot].cluster, self.slots[slot].sent, self.slots[slot].home) = (cluster, 0, 0);
-            self.filling.push_back(slot);
-            return true;
+            let chosen = self.free.split_off(self.free.len() - count);
+            for (i, &slot) in chosen.iter().enumerate() {
+                let slot = &mut self.slots[slot];
+                (slot.cluster, slot.sent, slot.home) = (self.next + i, 0, 0);
+            }
+            let range = self.next..self.next + count;
+            self.next = range.end;
+            let (mesh, own, shot) = (self.mesh, &self.share.own, &self.shot);
+            let collect = |slot: &mut Slot| {
+                shooting::collect(mesh, own[slot.cluster] as usize, shot, &mut slot.work);
+            };
+            if let [slot] = chosen[..] {
+                collect(&mut self.slots[slot]);
+            } else {
+                let fresh = |slot: &&mut Slot| range.contains(&slot.cluster);
+                self.slots.par_iter_mut().filter(fresh).for_each(collect);
+            }
+            for slot in chosen {
+                let empty = self.slots[slot].work.packet().points().is_empty();
+                if empty { self.free.push(slot) } else { self.filling.push_back(slot) }
+            }
+            if !self.filling.is_empty() {
+                return true;
+            }
         }
         false
     }
@@ -124,7 +143,7 @@ impl Part for Receiving<'_> {
         let mut segments = Vec::new();
         while packet.masks.len() < self.packet_size
             && (segments.is_empty() || !self.compact)
-            && (!self.filling.is_empty() || self.collect_next())
+            && (!self.filling.is_empty() || self.collect())
         {
             let slot = self.filling[0];
             let Slot { work, sent, .. } = &mut self.slots[slot];
@@ -149,28 +168,29 @@ impl Part for Receiving<'_> {
         Some(packet)
     }
 
-    fn test(&mut self, packet: &mut Packet) {
-        let mut masks = std::mem::take(&mut packet.masks);
-        let tally = self.shard.clear_blocked(&self.shot.shooter, packet.points(), &mut masks);
-        packet.masks = masks;
-        self.tally.rays += tally.rays;
-        self.tally.masks += tally.masks;
-        self.tally.masks_without_rays += tally.masks_without_rays;
-    }
-
     fn finish(&mut self, ticket: u32, masks: Vec<u64>) {
         let mut masks = masks.as_slice();
         for Segment { slot, first, count } in self.under_way.remove(&ticket).unwrap_or_default() {
-            let Slot { cluster, work, home, .. } = &mut self.slots[slot];
+            let Slot { work, home, .. } = &mut self.slots[slot];
             let (these, others) = masks.split_at(count);
             work.packet().masks_mut()[first..first + count].copy_from_slice(these);
             masks = others;
             *home += count;
             if *home == work.packet().masks().len() {
-                let light = &mut self.light[*cluster];
-                shooting::add_received(self.mesh, self.own[*cluster] as usize, light, self.shot, work);
-                self.free.push(slot);
+                self.seen.push(slot);
             }
         }
     }
+}
+
+/// The values at ascending places.
+fn chosen<T>(values: &mut [T], places: impl Iterator<Item = usize>) -> Vec<&mut T> {
+    let (mut rest, mut start) = (values, 0);
+    let mut chosen = Vec::new();
+    for place in places {
+        let (head, tail) = rest.split_at_mut(place - start + 1);
+        chosen.extend(head.last_mut());
+        (rest, start) = (tail, place + 1);
+    }
+    chosen
 }

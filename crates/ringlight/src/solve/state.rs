@@ -1,21 +1,23 @@
 //! What a solver works on.
 
-use super::{Energy, ExactSum, SolveSettings};
+use super::{Energy, ExactSum, Ring, Share, SolveSettings};
 use crate::mesh::Mesh;
 use crate::scene::Light;
 use crate::shooting::{self, ClusterLight, Emitter, unshot_power};
+use crate::transport::{Communicator, Failure};
 use glam::DVec3;
 use rayon::prelude::*;
-use ringlight_visibility::{Cells, Hierarchy};
+use ringlight_visibility::Cells;
+use std::sync::Arc;
 
 /// The scene as a solver needs it.
 pub struct World<'a> {
     /// Discretised surfaces.
     pub mesh: &'a Mesh,
-    /// Occluders.
-    pub hierarchy: &'a Hierarchy,
+    /// What this rank owns.
+    pub share: Arc<Share>,
     /// Lights that are not surfaces, in the order in which they shoot.
-    pub emitters: Vec<Emitter>,
+    pub emitters: Vec<Arc<Emitter>>,
     /// Middle of the ball that holds the scene, mesh coordinates.
     pub centre: DVec3,
     /// Radius of that ball, metres.
@@ -28,38 +30,38 @@ pub struct World<'a> {
 const ENTRY_RAYS: u32 = 1 << 14;
 
 impl<'a> World<'a> {
-    /// Puts a world together.
-    pub fn new(mesh: &'a Mesh, hierarchy: &'a Hierarchy, lights: &[Light], settings: SolveSettings) -> World<'a> {
+    /// Puts a world together, of a rank in its ring.
+    pub fn new(ring: &Ring<'a>, lights: &[Light], settings: SolveSettings) -> World<'a> {
+        let mesh = ring.mesh();
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
         let high = mesh.clusters.iter().fold(DVec3::NEG_INFINITY, |a, c| a.max(c.high.as_dvec3()));
         let (centre, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
         let mut emitters = shooting::emitters(lights, mesh.origin, radius);
         if let Some(radiance) = settings.sky {
-            emitters.extend(shooting::skies(radiance, f64::from(settings.cells).sqrt() as u32, radius));
+            emitters.extend(shooting::skies(radiance, settings.cells.isqrt(), radius));
         }
-        let mut world = World { mesh, hierarchy, emitters, centre, radius, settings };
         // Of light from infinity only what meets the scene counts as emitted.
-        let meeting: Vec<f64> = world
-            .emitters
-            .par_iter()
-            .map(|e| match e.shooter.cells {
-                Cells::Directions(_) => {
-                    1.0 - shooting::audit(mesh, hierarchy, e, ENTRY_RAYS, centre, radius).escaped_at_once
-                }
-                _ => 1.0,
-            })
-            .collect();
-        for (emitter, share) in world.emitters.iter_mut().zip(meeting) {
-            emitter.power *= share;
-        }
-        world
+        emitters.par_iter_mut().for_each(|e| {
+            if let Cells::Directions(_) = e.shooter.cells {
+                e.power *= 1.0 - shooting::audit(mesh, ring.whole(), e, ENTRY_RAYS, centre, radius).escaped_at_once;
+            }
+        });
+        let emitters = emitters.into_iter().map(Arc::new).collect();
+        World { mesh, share: ring.share().clone(), emitters, centre, radius, settings }
+    }
+
+    /// Power of the lights that are not surfaces, but for the first `shot`, W or lm.
+    pub fn unshot(&self, shot: u64) -> ExactSum {
+        let mut sum = ExactSum::default();
+        self.emitters[shot as usize..].iter().for_each(|e| sum.add(e.power));
+        sum
     }
 }
 
-/// The light, and how far the solver has come. Saved in solutions.
+/// The light of own clusters, and how far the solver has come: that of all clusters is saved in solutions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct State {
-    /// Light of each cluster.
+    /// Light of each own cluster.
     pub clusters: Vec<ClusterLight>,
     /// Shots done.
     pub shots: u64,
@@ -74,13 +76,13 @@ pub struct State {
 }
 
 impl State {
-    /// Dark; all emission is unshot.
-    pub fn new(world: &World<'_>) -> State {
+    /// Dark; all emission is unshot. Every rank calls it.
+    pub fn new(world: &World<'_>, ranks: &mut Communicator<'_>) -> Result<State, Failure> {
         let clusters: Vec<ClusterLight> =
-            (0..world.mesh.clusters.len()).into_par_iter().map(|c| ClusterLight::new(world.mesh, c)).collect();
+            world.share.own.par_iter().map(|&c| ClusterLight::new(world.mesh, c as usize)).collect();
         let mut state = State { clusters, ..State::default() };
-        state.emitted = state.unshot(world);
-        state
+        state.emitted = state.unshot(world, ranks)?;
+        Ok(state)
     }
 
     /// Renews what is derived from the elements' light, after loading.
@@ -97,35 +99,33 @@ impl State {
         });
     }
 
-    /// Unshot power, W or lm: an order-free sum.
-    pub fn unshot(&self, world: &World<'_>) -> f64 {
-        let mut sum = self
-            .clusters
-            .par_iter()
-            .map(|c| {
-                let mut sum = ExactSum::default();
-                c.patches.iter().for_each(|p| sum.add(p.unshot_power));
-                sum
-            })
-            .reduce(ExactSum::default, ExactSum::join);
-        world.emitters[self.emitters_shot as usize..].iter().for_each(|e| sum.add(e.power));
-        sum.value()
+    /// Unshot power, W or lm: an order-free sum. Every rank calls it.
+    pub fn unshot(&self, world: &World<'_>, ranks: &mut Communicator<'_>) -> Result<f64, Failure> {
+        let here = self.clusters.par_iter().map(|c| {
+            let mut sum = ExactSum::default();
+            c.patches.iter().for_each(|p| sum.add(p.unshot_power));
+            sum
+        });
+        let sum = here.reduce(ExactSum::default, ExactSum::join).of_all(ranks)?;
+        Ok(sum.join(world.unshot(self.emitters_shot)).value())
     }
 
-    /// The audit so far.
-    pub fn energy(&self, world: &World<'_>) -> Energy {
+    /// The audit so far. Every rank calls it.
+    pub fn energy(&self, world: &World<'_>, ranks: &mut Communicator<'_>) -> Result<Energy, Failure> {
         let mesh = world.mesh;
-        let absorbed = self
-            .clusters
+        let absorbed = world
+            .share
+            .own
             .par_iter()
-            .enumerate()
-            .map(|(c, light)| {
+            .zip(&self.clusters)
+            .map(|(&c, light)| {
+                let cluster = &mesh.clusters[c as usize];
                 let mut sum = ExactSum::default();
-                for id in mesh.clusters[c].patches.clone() {
+                for id in cluster.patches.clone() {
                     let patch = mesh.patch(id);
                     for (k, e) in patch.elements().enumerate() {
                         let colour = mesh.colour(&patch, e);
-                        let light = light.elements[(e - mesh.clusters[c].elements.start) as usize].mean();
+                        let light = light.elements[(e - cluster.elements.start) as usize].mean();
                         let area = patch.element_area(k as u32) * mesh.valid_share(e) * f64::from(colour.coverage);
                         let kept: f64 =
                             (0..3).map(|i| (1.0 - f64::from(colour.reflectance[i])) * f64::from(light[i])).sum();
@@ -135,16 +135,17 @@ impl State {
                 sum
             })
             .reduce(ExactSum::default, ExactSum::join)
+            .of_all(ranks)?
             .value();
-        let unshot = self.unshot(world);
+        let unshot = self.unshot(world, ranks)?;
         let accounted = absorbed + self.absorbed_by_backs + self.escaped + unshot;
-        Energy {
+        Ok(Energy {
             emitted: self.emitted,
             absorbed,
             absorbed_by_backs: self.absorbed_by_backs,
             escaped: self.escaped,
             unshot,
             closure_error: if self.emitted > 0.0 { (self.emitted - accounted) / self.emitted } else { 0.0 },
-        }
+        })
     }
 }

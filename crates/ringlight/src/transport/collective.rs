@@ -3,7 +3,10 @@
 //! They may follow each other without a pause, and other messages may be under way: each step waits for one rank, and
 //! messages from one rank with one tag come in order.
 
-use super::{Communicator, Failure};
+use super::{Communicator, Failure, Message};
+
+/// Does a piece of other work while a collective operation waits; says whether there was any.
+pub type Serve<'a> = dyn FnMut(&mut Communicator<'_>) -> Result<bool, Failure> + 'a;
 
 impl Communicator<'_> {
     /// Joins one value of each rank into the same result on all; `join` must be commutative and associative. Takes
@@ -14,22 +17,33 @@ impl Communicator<'_> {
         value: [u8; N],
         join: impl Fn([u8; N], [u8; N]) -> [u8; N],
     ) -> Result<[u8; N], Failure> {
+        self.all_reduce_meanwhile(tag, value, join, &mut |_| Ok(false))
+    }
+
+    /// The same, with `serve` called while it waits: it does a piece of other work and says whether there was any.
+    pub fn all_reduce_meanwhile<const N: usize>(
+        &mut self,
+        tag: u32,
+        value: [u8; N],
+        join: impl Fn([u8; N], [u8; N]) -> [u8; N],
+        serve: &mut Serve<'_>,
+    ) -> Result<[u8; N], Failure> {
         let (rank, size) = (self.rank(), self.size());
         // The largest power of two; ranks beyond it hand their value in and get the result back.
         let core = 1 << size.ilog2();
         if rank >= core {
             self.send(rank - core, tag, value.to_vec());
-            return self.wait_for_value(rank - core, tag);
+            return self.wait_for_value(rank - core, tag, serve);
         }
         let mut joined = value;
         if rank + core < size {
-            joined = join(joined, self.wait_for_value(rank + core, tag)?);
+            joined = join(joined, self.wait_for_value(rank + core, tag, serve)?);
         }
         let mut distance = 1;
         while distance < core {
             let partner = rank ^ distance;
             self.send(partner, tag, joined.to_vec());
-            joined = join(joined, self.wait_for_value(partner, tag)?);
+            joined = join(joined, self.wait_for_value(partner, tag, serve)?);
             distance *= 2;
         }
         if rank + core < size {
@@ -40,6 +54,17 @@ impl Communicator<'_> {
 
     /// Gives the bytes of rank `root` to all (along a binomial tree); what others pass is ignored.
     pub fn broadcast(&mut self, root: usize, tag: u32, bytes: Vec<u8>) -> Result<Vec<u8>, Failure> {
+        self.broadcast_meanwhile(root, tag, bytes, &mut |_| Ok(false))
+    }
+
+    /// The same, with other work done while it waits, see [`Communicator::all_reduce_meanwhile`].
+    pub fn broadcast_meanwhile(
+        &mut self,
+        root: usize,
+        tag: u32,
+        bytes: Vec<u8>,
+        serve: &mut Serve<'_>,
+    ) -> Result<Vec<u8>, Failure> {
         let size = self.size();
         let place = (self.rank() + size - root) % size;
         let rank_of = |place: usize| (place + root) % size;
@@ -50,7 +75,7 @@ impl Communicator<'_> {
             bit *= 2;
         }
         if place != 0 {
-            bytes = self.wait_for(rank_of(place - bit), tag)?;
+            bytes = self.wait_for_meanwhile(rank_of(place - bit), tag, serve)?;
         }
         while bit > 1 {
             bit /= 2;
@@ -61,11 +86,28 @@ impl Communicator<'_> {
         Ok(bytes)
     }
 
-    fn wait_for_value<const N: usize>(&mut self, from: usize, tag: u32) -> Result<[u8; N], Failure> {
-        let bytes = self.wait_for(from, tag)?;
+    fn wait_for_value<const N: usize>(
+        &mut self,
+        from: usize,
+        tag: u32,
+        serve: &mut Serve<'_>,
+    ) -> Result<[u8; N], Failure> {
+        let bytes = self.wait_for_meanwhile(from, tag, serve)?;
         <[u8; N]>::try_from(bytes.as_slice()).map_err(|_| Failure {
             rank: self.rank(),
             message: format!("a message from rank {from} with tag {tag} has {} bytes, expected {N}", bytes.len()),
         })
+    }
+
+    fn wait_for_meanwhile(&mut self, from: usize, tag: u32, serve: &mut Serve<'_>) -> Result<Vec<u8>, Failure> {
+        let fits = |message: &Message| message.from == from && message.tag == tag;
+        loop {
+            if let Some(message) = self.receive_where(fits)? {
+                return Ok(message.bytes);
+            }
+            if !serve(self)? {
+                self.wait_for_more()?;
+            }
+        }
     }
 }

@@ -208,7 +208,7 @@ impl<'a> Communicator<'a> {
         self.failure.clone().map_or(Ok(()), Err)
     }
 
-    fn wait_for_more(&mut self) -> Result<(), Failure> {
+    pub(super) fn wait_for_more(&mut self) -> Result<(), Failure> {
         if !self.ended.contains(&false) {
             let message = "this rank waits for a message, but all others have ended".into();
             return Err(Failure { rank: self.rank(), message });

@@ -11,6 +11,7 @@ pub mod conformance;
 pub mod threads;
 
 pub use alone::Alone;
+pub use collective::Serve;
 pub use communicator::{Communicator, Traffic};
 
 /// A message between ranks.
