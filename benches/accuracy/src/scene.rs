@@ -1,5 +1,6 @@
 //! Scenes from OBJ text, solved in memory.
 
+use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions, Patch};
 use ringlight::probe::{self, GatherOptions, Point, Reading, Status, SurfaceOptions};
 use ringlight::resources::{Bytes, Resources};
@@ -130,7 +131,7 @@ pub struct Meshed {
 /// Cuts a scene into patches and elements of these sizes, metres.
 pub fn meshed(scene: Scene, patch: f64, element: f64) -> Meshed {
     let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
-    let mut mesh = mesh::build(&scene, &options).unwrap();
+    let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let hierarchy = Arc::new(mesh::hierarchy(&mesh));
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     Meshed { scene, mesh, hierarchy }
@@ -177,7 +178,7 @@ impl Meshed {
         let energy = energy(&state, world);
         let description = Description::new(&self.scene);
         let mesh = self.mesh.clone();
-        let (ledger, light) = (Ledger::of(&state), SolvedLight::of(state.clusters));
+        let (ledger, light) = (Ledger::of(&state), SolvedLight::of(state.clusters, Store::Heap).unwrap());
         Solution { description, mesh, settings: world.settings, ledger, light, energy, images: Vec::new() }
     }
 

@@ -6,6 +6,9 @@ use crate::input;
 use crate::outputs::{self, Content, Others};
 use crate::progress::Stage;
 use crate::run::{self, Run};
+use crate::scratch::FileScratch;
+use anyhow::Context;
+use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
 use ringlight::scene::{Place, Warnings};
 use ringlight::shooting::Shoot;
@@ -19,12 +22,15 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     let mut run = Run::begin(&arguments.running)?;
     let path = arguments.scene.as_path();
     outputs::check(&arguments.targets, &Others { scene: Some(path), ..run.others() })?;
-    let (scene, read) = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit))?;
+    let scratch = arguments.sizes.scratch.as_deref().map(FileScratch::new);
+    let store = scratch.as_ref().map_or(Store::Heap, |scratch| Store::Scratch(scratch));
+    let (scene, read) = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit, store))?;
     outputs::check_inputs(&arguments.targets, &run.others(), &read)?;
     run.warn(&scene.warnings);
     outputs::check_camera(&arguments.display, &scene.cameras)?;
     let options = input::mesh_options(&arguments.sizes);
-    let mut mesh = run.stage(Stage::Mesh, |_| mesh::build(&scene, &options)).map_err(|e| input::locate(e, path))?;
+    let mut mesh =
+        run.stage(Stage::Mesh, |_| mesh::build(&scene, &options, store)).map_err(|e| input::locate(e, path))?;
     run.warn(&skipped(&mesh));
     run.detail(&sizes(&mesh));
     outputs::check_sizes(&arguments.targets, &mesh)?;
@@ -55,7 +61,8 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop, ranks)?;
     drop((world, ring));
     let end = (solved.progress, solved.reason);
-    let (energy, ledger, light) = (solved.energy, Ledger::of(&solved.state), SolvedLight::of(solved.state.clusters));
+    let (energy, ledger) = (solved.energy, Ledger::of(&solved.state));
+    let light = SolvedLight::of(solved.state.clusters, store).context("the light cannot be kept")?;
     let solution = Solution { description, mesh, settings, ledger, light, energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
     let mut reported = run::settings(&settings, &solution.mesh, &arguments.stop);

@@ -2,6 +2,7 @@
 
 use crate::map;
 use anyhow::{Context, bail};
+use ringlight::column::Store;
 use ringlight::resources::{Bytes, Resources};
 use ringlight::transport::{Communicator, Failure as RankFailure};
 use std::fs::File;
@@ -31,16 +32,16 @@ pub fn folder_of(path: &Path) -> &Path {
 }
 
 /// The files in and below a folder, and no others.
-#[derive(Debug)]
-pub struct FileResources {
+pub struct FileResources<'a> {
     folder: PathBuf,
+    store: Store<'a>,
     opened: Mutex<Vec<PathBuf>>,
 }
 
-impl FileResources {
-    /// The files beside the scene or solution at `path`.
-    pub fn beside(path: &Path) -> io::Result<FileResources> {
-        Ok(FileResources { folder: folder_of(path).canonicalize()?, opened: Mutex::default() })
+impl<'a> FileResources<'a> {
+    /// The files beside the scene or solution at `path`; what has to be kept of them is kept in `store`.
+    pub fn beside(path: &Path, store: Store<'a>) -> io::Result<FileResources<'a>> {
+        Ok(FileResources { folder: folder_of(path).canonicalize()?, store, opened: Mutex::default() })
     }
 
     /// The files that have been read, without links.
@@ -49,7 +50,11 @@ impl FileResources {
     }
 }
 
-impl Resources for FileResources {
+impl Resources for FileResources<'_> {
+    fn store(&self) -> Store<'_> {
+        self.store
+    }
+
     fn read(&self, path: &str) -> io::Result<Bytes> {
         let refused = |why| Err(io::Error::new(io::ErrorKind::PermissionDenied, why));
         let relative = Path::new(path);
@@ -217,7 +222,7 @@ mod tests {
         std::fs::write(folder.join("textures/a b.png"), "inside").unwrap();
         std::fs::write(folder.join("empty"), "").unwrap();
         std::fs::write(root.path().join("secret"), "outside").unwrap();
-        let resources = FileResources::beside(&folder.join("scene.gltf")).unwrap();
+        let resources = FileResources::beside(&folder.join("scene.gltf"), Store::Heap).unwrap();
         assert_eq!(&resources.read("textures/a b.png").unwrap()[..], b"inside");
         assert_eq!(&resources.read("./empty").unwrap()[..], b"");
         let absolute = root.path().join("secret");

@@ -7,6 +7,8 @@ use crate::failure::{End, Failure};
 use crate::input;
 use crate::progress::duration;
 use crate::run::{occluding_triangles, warning};
+use crate::scratch::FileScratch;
+use ringlight::column::Store;
 use ringlight::mesh::{self, Facet, Mesh};
 use ringlight::output::report::{ReportedWarning, SceneReport, Units, warnings};
 use ringlight::scene::{LightKind, Scene, Surface};
@@ -67,9 +69,11 @@ struct Forecast {
 /// Inspects.
 pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let path = arguments.scene.as_path();
-    let (scene, _) = input::scene(path, arguments.sizes.unit)?;
+    let scratch = arguments.sizes.scratch.as_deref().map(FileScratch::new);
+    let store = scratch.as_ref().map_or(Store::Heap, |scratch| Store::Scratch(scratch));
+    let (scene, _) = input::scene(path, arguments.sizes.unit, store)?;
     let options = input::mesh_options(&arguments.sizes);
-    let mesh = mesh::build(&scene, &options).map_err(|error| input::locate(error, path))?;
+    let mesh = mesh::build(&scene, &options, store).map_err(|error| input::locate(error, path))?;
     let settings = bake::settings(&arguments.method, arguments.sizes.quality);
     let mut inspection = Inspection::new(path, &scene, &mesh, &settings);
     inspection.warnings.extend(warnings(&bake::skipped(&mesh)));
@@ -184,10 +188,10 @@ fn memory(mesh: &Mesh) -> u64 {
     let elements = mesh.element_count() * (size_of::<ElementLight>() + size_of::<u16>());
     let patches = mesh.patch_count() * (size_of::<u32>() + size_of::<PatchLight>());
     let facets = mesh.facets.len() * size_of::<Facet>();
-    let textured = size_of_val(mesh.base_uv.as_slice())
-        + size_of_val(mesh.emission_uv.as_slice())
-        + size_of_val(mesh.vertex_colours.as_slice())
-        + size_of_val(mesh.colours.as_slice());
+    let textured = size_of_val(&mesh.base_uv[..])
+        + size_of_val(&mesh.emission_uv[..])
+        + size_of_val(&mesh.vertex_colours[..])
+        + size_of_val(&mesh.colours[..]);
     (elements + patches + facets + textured) as u64 + occluding_triangles(mesh) * 2 * size_of::<Triangle>() as u64
 }
 

@@ -15,6 +15,7 @@ mod probe;
 mod progress;
 mod resume;
 mod run;
+mod scratch;
 mod signals;
 mod values;
 mod viewfactors;

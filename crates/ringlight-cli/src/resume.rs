@@ -8,6 +8,7 @@ use crate::outputs::{self, Content, Others};
 use crate::progress::Stage;
 use crate::run::{self, Run};
 use anyhow::Context;
+use ringlight::column::Store;
 use ringlight::mesh;
 use ringlight::solution::{Solution, SolutionFile, SolvedLight};
 use ringlight::solve::{Ledger, Ring, World};
@@ -19,10 +20,11 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     let mut run = Run::begin(&arguments.running)?;
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     outputs::check(&arguments.targets, &Others { scene, resumed: Some(path), ..run.others() })?;
+    let store = Store::Heap;
     let (mesh, state, description, settings, images) = run.stage(Stage::Load, |_| {
         let bytes = input::bytes(path)?;
         let file = SolutionFile::open(&bytes).with_context(|| path.display().to_string())?;
-        let mesh = file.mesh().with_context(|| path.display().to_string())?;
+        let mesh = file.mesh(store).with_context(|| path.display().to_string())?;
         let own: Vec<u32> = (0..mesh.clusters.len() as u32).collect();
         let light = file.light_of(&mesh, &own).with_context(|| path.display().to_string())?;
         let description = file.description().clone();
@@ -46,7 +48,8 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop, ranks)?;
     drop((world, ring));
     let end = (solved.progress, solved.reason);
-    let (energy, ledger, light) = (solved.energy, Ledger::of(&solved.state), SolvedLight::of(solved.state.clusters));
+    let (energy, ledger) = (solved.energy, Ledger::of(&solved.state));
+    let light = SolvedLight::of(solved.state.clusters, store).context("the light cannot be kept")?;
     let solution = Solution { description, mesh, settings, ledger, light, energy, images };
     let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
     let reported = run::settings(&settings, &solution.mesh, &arguments.stop);

@@ -4,6 +4,7 @@
 //! points, clusters) → [`form_factor`] → [`shooting`] → [`solve`] → [`solution`] → [`smooth`] → [`probe`] → [`output`].
 //! [`view_factor`] uses the same primitives without light; [`ring`] and [`transport`] let many ranks hold one scene.
 
+pub mod column;
 pub mod form_factor;
 pub mod mesh;
 pub mod output;

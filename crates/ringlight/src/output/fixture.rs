@@ -1,5 +1,6 @@
 //! Small solved scenes for tests.
 
+use crate::column::Store;
 use crate::mesh::{self, MeshOptions};
 use crate::resources::{Bytes, Resources};
 use crate::scene::{self, ReadOptions, Scene};
@@ -32,7 +33,7 @@ pub fn read(obj: &str) -> Scene {
 pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
     let options =
         MeshOptions { patch_size: Some(4.0 * element), element_size: Some(element), ..MeshOptions::default() };
-    let mut mesh = mesh::build(scene, &options).unwrap();
+    let mut mesh = mesh::build(scene, &options, Store::Heap).unwrap();
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
@@ -45,7 +46,7 @@ pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
     drop((world, ring));
     let images = scene.images.iter().map(|i| Some(i.bytes.clone())).collect();
     let ledger = Ledger::of(&state);
-    let light = SolvedLight::of(state.clusters);
+    let light = SolvedLight::of(state.clusters, Store::Heap).unwrap();
     let energy = Energy::default();
     Solution { description: Description::new(scene), mesh, settings, ledger, light, energy, images }
 }

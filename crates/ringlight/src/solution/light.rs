@@ -3,17 +3,19 @@
 //! Both as bytes, cluster by cluster: the light of its elements, then for each patch 1 if its own emission has not been
 //! shot yet. That is what a file holds, what the digest hashes and what ranks send.
 
+use crate::column::{Column, Store};
 use crate::mesh::{Cluster, Mesh};
 use crate::shooting::{ClusterLight, ElementLight};
+use std::io;
 use std::ops::Range;
 
 /// The light of all elements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SolvedLight {
     /// Light of each element.
-    pub elements: Vec<ElementLight>,
+    pub elements: Column<ElementLight>,
     /// For each patch, 1 if its own emission has not been shot yet, else 0.
-    pub emission_waits: Vec<u8>,
+    pub emission_waits: Column<u8>,
 }
 
 /// The light that a rank owns.
@@ -26,24 +28,24 @@ pub struct OwnLight<'a> {
 }
 
 impl SolvedLight {
-    /// Dark.
-    pub fn dark(mesh: &Mesh) -> SolvedLight {
-        SolvedLight {
-            elements: vec![ElementLight::default(); mesh.element_count()],
-            emission_waits: vec![0; mesh.patch_count()],
-        }
+    /// Dark; kept in `store`.
+    pub fn dark(mesh: &Mesh, store: Store<'_>) -> io::Result<SolvedLight> {
+        let mut light = SolvedLight { elements: store.column()?, emission_waits: store.column()? };
+        light.elements.resize(mesh.element_count(), ElementLight::default())?;
+        light.emission_waits.resize(mesh.patch_count(), 0)?;
+        Ok(light)
     }
 
-    /// Of all clusters, in order.
-    pub fn of(clusters: Vec<ClusterLight>) -> SolvedLight {
-        let mut whole = SolvedLight::default();
-        whole.elements.reserve_exact(clusters.iter().map(|c| c.elements.len()).sum());
-        whole.emission_waits.reserve_exact(clusters.iter().map(|c| c.patches.len()).sum());
+    /// Of all clusters, in order; kept in `store`.
+    pub fn of(clusters: Vec<ClusterLight>, store: Store<'_>) -> io::Result<SolvedLight> {
+        let mut whole = SolvedLight { elements: store.column()?, emission_waits: store.column()? };
+        whole.elements.reserve(clusters.iter().map(|c| c.elements.len()).sum())?;
+        whole.emission_waits.reserve(clusters.iter().map(|c| c.patches.len()).sum())?;
         for light in clusters {
-            whole.elements.extend_from_slice(&light.elements);
-            whole.emission_waits.extend(light.patches.iter().map(|p| u8::from(p.emission_waits)));
+            whole.elements.extend_from_slice(&light.elements)?;
+            whole.emission_waits.extend(light.patches.iter().map(|p| u8::from(p.emission_waits)))?;
         }
-        whole
+        Ok(whole)
     }
 
     /// The bytes of some clusters, in order.

@@ -5,6 +5,7 @@
 use super::file::{BATCH_BYTES, LightSections, Writer};
 use super::light::{OwnLight, SolvedLight, length};
 use super::{Snapshot, digest};
+use crate::column::Store;
 use crate::mesh::Mesh;
 use crate::transport::{Communicator, Failure};
 use std::io::{self, Write};
@@ -50,11 +51,17 @@ pub fn write_over_ranks(
 }
 
 impl OwnLight<'_> {
-    /// The light of all ranks, on rank 0. Every rank calls it.
-    pub fn gather(&self, mesh: &Mesh, ranks: &mut Communicator<'_>) -> Result<Option<SolvedLight>, Failure> {
+    /// The light of all ranks on rank 0, kept there in `store`. Every rank calls it.
+    pub fn gather(
+        &self,
+        mesh: &Mesh,
+        store: Store<'_>,
+        ranks: &mut Communicator<'_>,
+    ) -> Result<Option<SolvedLight>, Failure> {
         let clusters = &mesh.clusters;
         let batches: Vec<Range<usize>> = LightSections::new(clusters).batches().collect();
-        let mut whole = (ranks.rank() == 0).then(|| SolvedLight::dark(mesh));
+        let failure = |error: io::Error| Failure { rank: 0, message: error.to_string() };
+        let mut whole = (ranks.rank() == 0).then(|| SolvedLight::dark(mesh, store)).transpose().map_err(failure)?;
         let taken = in_order(
             ranks,
             LIGHT,
@@ -69,7 +76,7 @@ impl OwnLight<'_> {
                 Ok(())
             },
         )?;
-        taken.map_err(|error| Failure { rank: 0, message: error.to_string() })?;
+        taken.map_err(failure)?;
         Ok(whole)
     }
 

@@ -1,6 +1,8 @@
 //! Solutions as files: sections, ranks, damage.
 
 use super::*;
+use crate::column::Store;
+use crate::column::tests::HeapScratch;
 use crate::mesh::{self, MeshOptions};
 use crate::output::fixture;
 use crate::ring::owners;
@@ -15,12 +17,13 @@ fn floor(side: u32) -> Solution {
     let element = 1.0 / f64::from(side);
     let options =
         MeshOptions { patch_size: Some(4.0 * element), element_size: Some(element), ..MeshOptions::default() };
-    let mesh = mesh::build(&scene, &options).unwrap();
+    let mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let value = |i: usize| (i as f32).sin().abs();
     let elements = (0..mesh.element_count())
         .map(|e| ElementLight { shot: [value(e), 0.0, 1.0], unshot: [value(e + 1); 3], correction: [0.0; 3] })
-        .collect();
-    let emission_waits = (0..mesh.patch_count()).map(|p| u8::from(p % 3 == 0)).collect();
+        .collect::<Vec<_>>()
+        .into();
+    let emission_waits = (0..mesh.patch_count()).map(|p| u8::from(p % 3 == 0)).collect::<Vec<_>>().into();
     Solution {
         description: Description::new(&scene),
         mesh,
@@ -94,7 +97,7 @@ fn large() -> Solution {
 fn what_is_read_is_what_was_written() {
     for solution in [floor(5), large()] {
         let written = bytes(&solution);
-        let read = read(&written).unwrap();
+        let read = read(&written, Store::Scratch(&HeapScratch)).unwrap();
         assert!(read.light == solution.light && read.ledger == solution.ledger);
         assert!(read.mesh.facets == solution.mesh.facets && read.mesh.clusters == solution.mesh.clusters);
         assert!(read.mesh.valid == solution.mesh.valid && read.mesh.patch_facets == solution.mesh.patch_facets);
@@ -113,7 +116,7 @@ fn ranks_write_the_bytes_of_one() {
             let mut out = Vec::new();
             let result = write_over_ranks(&snapshot(&solution), light, ranks, &mut out)?;
             result.expect("memory takes all");
-            let whole = light.gather(&solution.mesh, ranks)?;
+            let whole = light.gather(&solution.mesh, Store::Scratch(&HeapScratch), ranks)?;
             assert_eq!(whole.is_some(), ranks.rank() == 0);
             assert!(whole.is_none_or(|whole| whole == solution.light));
             let found = light.digest(&solution.mesh, solution.ledger.shots, ranks)?;
@@ -130,7 +133,7 @@ fn ranks_read_their_own_light() {
     let solution = large();
     let written = bytes(&solution);
     let file = SolutionFile::open(&written).unwrap();
-    let mesh = file.mesh().unwrap();
+    let mesh = file.mesh(Store::Heap).unwrap();
     assert_eq!((file.ledger(), file.settings()), (solution.ledger, solution.settings));
     for ranks in [1, 3] {
         for rank in 0..ranks {
@@ -209,7 +212,7 @@ fn a_file_that_lacks_a_section_or_has_another_is_refused() {
     let written = bytes(&large());
     let refused = |mut file: Vec<u8>, count: u32, how: &str| {
         file[12..16].copy_from_slice(&count.to_le_bytes());
-        let error = read(&file).map(|_| ()).unwrap_err();
+        let error = read(&file, Store::Heap).map(|_| ()).unwrap_err();
         assert!(matches!(error, FileError::Damaged { .. }), "{how}: {error}");
     };
     let directory = directory(&written);
@@ -225,5 +228,5 @@ fn a_file_that_lacks_a_section_or_has_another_is_refused() {
         refused(renamed, count, &format!("{name} renamed"));
     }
     refused([&whole[..], b"more"].concat(), count, "bytes at the end");
-    assert!(matches!(read(&[b"RINGLIGH", &[1, 0, 0, 0][..]].concat()), Err(FileError::Version(1))));
+    assert!(matches!(read(&[b"RINGLIGH", &[1, 0, 0, 0][..]].concat(), Store::Heap), Err(FileError::Version(1))));
 }

@@ -273,7 +273,7 @@ fn textured_floor(image: Option<Bytes>) -> Solution {
     solution.images = vec![image.clone(), image];
     for (f, facet) in solution.mesh.facets.iter_mut().enumerate() {
         facet.base_uv = f as u32;
-        solution.mesh.base_uv.push([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]);
+        solution.mesh.base_uv.push([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]]).unwrap();
     }
     paint(&mut solution, |_, _| 0.5);
     solution

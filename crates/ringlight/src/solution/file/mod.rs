@@ -108,13 +108,6 @@ struct StoredCluster {
     high: [f32; 3],
 }
 
-#[derive(Clone, Copy, Pod, Zeroable)]
-#[repr(C)]
-struct FacetCoverage {
-    facet: u32,
-    share: f32,
-}
-
 impl From<&Cluster> for StoredCluster {
     fn from(c: &Cluster) -> StoredCluster {
         StoredCluster {

@@ -1,8 +1,9 @@
 //! Reading: the mesh, and of the light what is asked for.
 
 use super::sections::{Section, Sections};
-use super::{FacetCoverage, FileError, Header, LIGHT, SECTION, StoredCluster, damaged};
-use crate::mesh::{Cluster, Colour, Facet, Mesh, Occluder};
+use super::{FileError, Header, LIGHT, SECTION, StoredCluster, damaged};
+use crate::column::Store;
+use crate::mesh::{Cluster, Colour, Mesh, Occluder};
 use crate::shooting::{ClusterLight, PatchLight};
 use crate::solution::light::{length, runs, split, within};
 use crate::solution::{Description, Solution, SolvedLight};
@@ -18,11 +19,11 @@ pub struct SolutionFile<'a> {
     header: Header<'static>,
 }
 
-/// Reads a solution. Images are not attached, see [`Description::find_images`].
-pub fn read(bytes: &[u8]) -> Result<Solution, FileError> {
+/// Reads a solution; what grows with the scene is kept in `store`. Images are not attached, see [`Description::find_images`].
+pub fn read(bytes: &[u8], store: Store<'_>) -> Result<Solution, FileError> {
     let file = SolutionFile::open(bytes)?;
-    let mesh = file.mesh()?;
-    let light = file.light(&mesh)?;
+    let mesh = file.mesh(store)?;
+    let light = file.light(&mesh, store)?;
     let Header { description, settings, energy, ledger, .. } = file.header;
     let images = vec![None; description.images.len()];
     Ok(Solution { description: description.into_owned(), mesh, settings, ledger, light, energy, images })
@@ -32,8 +33,8 @@ impl<'a> SolutionFile<'a> {
     /// Reads the directory and what is not light or mesh.
     pub fn open(bytes: &'a [u8]) -> Result<SolutionFile<'a>, FileError> {
         let sections = Sections::find(bytes)?;
-        let header: Header<'static> =
-            serde_json::from_slice(&sections.array::<u8>("header")?).map_err(|e| damaged("header", &e.to_string()))?;
+        let header: Header<'static> = serde_json::from_slice(&sections.array::<u8>("header", Store::Heap)?)
+            .map_err(|e| damaged("header", &e.to_string()))?;
         let Description { nodes, materials, surfaces, .. } = &*header.description;
         if surfaces.iter().any(|s| s.material as usize >= materials.len() || s.node as usize >= nodes.len()) {
             return Err(damaged("header", "a surface refers to what is not there"));
@@ -61,10 +62,10 @@ impl<'a> SolutionFile<'a> {
         self.header.energy
     }
 
-    /// Reads the mesh.
-    pub fn mesh(&self) -> Result<Mesh, FileError> {
+    /// Reads the mesh; what grows with the scene is kept in `store`.
+    pub fn mesh(&self, store: Store<'_>) -> Result<Mesh, FileError> {
         let (sections, header) = (&self.sections, &self.header);
-        let surface_colours: Vec<Colour> = sections.array("surface-colours")?;
+        let surface_colours: Vec<Colour> = sections.array("surface-colours", Store::Heap)?.to_vec();
         let surfaces = header.description.surfaces.len();
         if [surface_colours.len(), header.coverage.len(), header.cutout.len()] != [surfaces; 3] {
             return Err(damaged("surface-colours", "they are not as many as surfaces"));
@@ -77,25 +78,21 @@ impl<'a> SolutionFile<'a> {
             coverage: header.coverage.to_vec(),
             cutout: header.cutout.to_vec(),
             bitmaps,
-            facet_coverage: sections
-                .array::<FacetCoverage>("facet-coverage")?
-                .iter()
-                .map(|c| (c.facet, c.share))
-                .collect(),
+            facet_coverage: sections.array("facet-coverage", store)?,
         };
         let mesh = Mesh {
             origin: header.origin,
             diagonal: header.diagonal,
             sizes: header.sizes,
-            facets: sections.array::<Facet>("facets")?,
-            patch_facets: sections.array("patch-facets")?,
-            clusters: sections.array::<StoredCluster>("clusters")?.iter().map(Cluster::from).collect(),
-            base_uv: sections.array("base-uv")?,
-            emission_uv: sections.array("emission-uv")?,
-            vertex_colours: sections.array("vertex-colours")?,
-            colours: sections.array("colours")?,
+            facets: sections.array("facets", store)?,
+            patch_facets: sections.array("patch-facets", store)?,
+            clusters: sections.array::<StoredCluster>("clusters", Store::Heap)?.iter().map(Cluster::from).collect(),
+            base_uv: sections.array("base-uv", store)?,
+            emission_uv: sections.array("emission-uv", store)?,
+            vertex_colours: sections.array("vertex-colours", store)?,
+            colours: sections.array("colours", store)?,
             surface_colours,
-            valid: sections.array("valid")?,
+            valid: sections.array("valid", store)?,
             occluder,
             warnings: header.warnings.clone().into_owned(),
             skipped: header.skipped.to_vec(),
@@ -105,8 +102,8 @@ impl<'a> SolutionFile<'a> {
     }
 
     fn bitmaps(&self) -> Result<Vec<Arc<Bitmap>>, FileError> {
-        let bits = self.sections.array::<u64>("bitmaps")?;
-        let mut rest = bits.as_slice();
+        let bits = self.sections.array::<u64>("bitmaps", Store::Heap)?;
+        let mut rest = &bits[..];
         let mut bitmaps = Vec::new();
         for &[width, height] in &self.header.bitmaps {
             let words = (u64::from(width) * u64::from(height)).div_ceil(64) as usize;
@@ -153,8 +150,8 @@ impl<'a> SolutionFile<'a> {
     }
 
     /// Reads all the light.
-    fn light(&self, mesh: &Mesh) -> Result<SolvedLight, FileError> {
-        let mut light = SolvedLight::dark(mesh);
+    fn light(&self, mesh: &Mesh, store: Store<'_>) -> Result<SolvedLight, FileError> {
+        let mut light = SolvedLight::dark(mesh, store)?;
         // A few at a time, so that not all of it is held twice.
         for runs in self.light_runs(mesh)?.chunks(rayon::current_num_threads()) {
             let unpacked: Vec<Vec<u8>> =

@@ -1,6 +1,7 @@
 //! The sections of a file that is read: found at once, checked and unpacked when they are asked for.
 
 use super::{ARRAYS, FileError, LIGHT, MAGIC, NAME, SECTION, VERSION, damaged};
+use crate::column::{Column, Store};
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
@@ -79,8 +80,8 @@ impl<'a> Sections<'a> {
         })
     }
 
-    /// An array.
-    pub fn array<T: Pod + Send>(&self, name: &str) -> Result<Vec<T>, FileError> {
+    /// An array, kept in `store`.
+    pub fn array<T: Pod + Send>(&self, name: &str, store: Store<'_>) -> Result<Column<T>, FileError> {
         let sections: Vec<(String, Section<'_>)> = self.of(name).collect();
         let mut total = 0;
         for (name, section) in &sections {
@@ -89,8 +90,9 @@ impl<'a> Sections<'a> {
             }
             total += section.raw as usize / size_of::<T>();
         }
-        let mut array = vec![T::zeroed(); total];
-        let mut rest = array.as_mut_slice();
+        let mut array = store.column()?;
+        array.resize(total, T::zeroed())?;
+        let mut rest = &mut array[..];
         let mut parts = Vec::with_capacity(sections.len());
         for (name, section) in &sections {
             let (part, after) = rest.split_at_mut(section.raw as usize / size_of::<T>());

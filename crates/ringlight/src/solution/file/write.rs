@@ -1,6 +1,6 @@
 //! Writing: a few sections are compressed side by side, and written in order.
 
-use super::{ARRAYS, FacetCoverage, Header, LIGHT, MAGIC, NAME, SECTION, StoredCluster, VERSION};
+use super::{ARRAYS, Header, LIGHT, MAGIC, NAME, SECTION, StoredCluster, VERSION};
 use crate::mesh::{Cluster, Mesh};
 use crate::solution::light::{length, runs};
 use crate::solution::{Snapshot, Solution};
@@ -219,7 +219,7 @@ fn arrays<'a>(header: &'a [u8], mesh: &'a Mesh) -> [Array<'a>; ARRAYS.len()] {
         Array::of(surfaces, &mesh.surface_colours),
         Array::of(colours, &mesh.colours),
         Array::of(valid, &mesh.valid),
-        Array::made(coverage, &occluder.facet_coverage, |&(facet, share)| FacetCoverage { facet, share }),
+        Array::of(coverage, &occluder.facet_coverage),
         bitmaps,
     ]
 }
