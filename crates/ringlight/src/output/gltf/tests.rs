@@ -375,7 +375,8 @@ fn a_model_beyond_4_gib_is_refused_before_there_is_light() {
     let length = 12 * (25 * 20 + 16 * 2 * 3 * 2);
     assert_eq!((write(&solution, &options(1.0)).data.len() as u64, least_length(&solution.mesh)), (length, length));
     assert!(check_glb(&solution.mesh).is_ok());
-    solution.mesh.facets.truncate(1);
+    let first = solution.mesh.facets[0];
+    solution.mesh.facets.resize(1, first).unwrap();
     let facet = &mut solution.mesh.facets[0];
     facet.elements = [1, 1];
     facet.first_back_patch = crate::mesh::NONE;
