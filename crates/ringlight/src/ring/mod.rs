@@ -4,6 +4,7 @@
 //! state machines take events and give actions; they know no clock and send nothing themselves, so that a simulator
 //! drives the same code as real ranks do. `README.md` beside this file explains the pipeline.
 
+mod balance;
 mod packet;
 mod parcel;
 mod partition;
@@ -13,6 +14,7 @@ mod shard;
 #[cfg(test)]
 mod simulator;
 
+pub use balance::{Balance, Load, Moves, Window, rank_correlation};
 pub use packet::{Answers, Content, Packet, Parcel, Rays, Samples};
 pub use parcel::Malformed;
 pub use partition::{Rings, owners};

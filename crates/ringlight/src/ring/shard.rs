@@ -53,12 +53,19 @@ pub fn deal(pieces: &[Piece], members: usize, shards: Shards) -> Vec<u32> {
     match shards {
         Shards::Random => owners(&pieces.iter().map(|p| u64::from(p.triangles)).collect::<Vec<_>>(), members),
         Shards::Spatial => {
-            let mut holders = vec![0; pieces.len()];
-            let mut order: Vec<u32> = (0..pieces.len() as u32).collect();
-            bisect(pieces, &mut order, 0, members, &mut holders);
-            holders
+            let weights: Vec<f64> = pieces.iter().map(|p| f64::from(p.triangles)).collect();
+            bisect(pieces, &weights, &vec![1.0; members])
         }
     }
+}
+
+/// Deals pieces that weigh so much to members that get so large shares, compact in space: recursive coordinate bisection
+/// (Berger & Bokhari 1987).
+pub(super) fn bisect(pieces: &[Piece], weights: &[f64], shares: &[f64]) -> Vec<u32> {
+    let mut holders = vec![0; pieces.len()];
+    let mut order: Vec<u32> = (0..pieces.len() as u32).collect();
+    Bisection { pieces, weights, holders: &mut holders }.cut(&mut order, 0, shares);
+    holders
 }
 
 /// At most so many boxes that together hold the pieces, near ones in one box: what all ranks know of a shard.
@@ -71,34 +78,43 @@ pub fn outline(pieces: &[Piece], boxes: usize) -> Vec<Bounds> {
     outline
 }
 
-/// Deals the pieces of `order` to `members` members from `first` on: cuts along the longest extent of the pieces' middles,
-/// so that both sides have triangles in proportion to their members.
-fn bisect(pieces: &[Piece], order: &mut [u32], first: u32, members: usize, holders: &mut [u32]) {
-    if members <= 1 || order.is_empty() {
-        order.iter().for_each(|&p| holders[p as usize] = first);
-        return;
+struct Bisection<'a> {
+    pieces: &'a [Piece],
+    weights: &'a [f64],
+    holders: &'a mut [u32],
+}
+
+impl Bisection<'_> {
+    /// Deals the pieces of `order` to the members from `first` on: cuts along the longest extent of the pieces' middles, so
+    /// that both sides weigh in proportion to their members' shares.
+    fn cut(&mut self, order: &mut [u32], first: u32, shares: &[f64]) {
+        if shares.len() <= 1 || order.is_empty() {
+            order.iter().for_each(|&p| self.holders[p as usize] = first);
+            return;
+        }
+        let middle = |p: u32| {
+            let Bounds { low, high } = self.pieces[p as usize].bounds;
+            std::array::from_fn::<f32, 3, _>(|i| 0.5 * low[i] + 0.5 * high[i])
+        };
+        let Bounds { low, high } = Bounds::around(order.iter().map(|&p| middle(p)));
+        let axis = (0..3).max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b]))).unwrap_or(0);
+        order.sort_unstable_by(|&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.cmp(&b)));
+        let (left_shares, right_shares) = shares.split_at(shares.len() / 2);
+        let left: f64 = left_shares.iter().sum();
+        let total: f64 = order.iter().map(|&p| self.weights[p as usize]).sum();
+        let share = total * left / shares.iter().sum::<f64>();
+        let mut sum = 0.0;
+        // A piece on the cut goes where most of it lies.
+        let is_left = |&&p: &&u32| {
+            let weight = self.weights[p as usize];
+            sum += weight;
+            sum <= share + 0.5 * weight
+        };
+        let cut = order.iter().take_while(is_left).count();
+        let (left, right) = order.split_at_mut(cut);
+        self.cut(left, first, left_shares);
+        self.cut(right, first + left_shares.len() as u32, right_shares);
     }
-    let middle = |p: u32| {
-        let Bounds { low, high } = pieces[p as usize].bounds;
-        std::array::from_fn::<f32, 3, _>(|i| 0.5 * low[i] + 0.5 * high[i])
-    };
-    let Bounds { low, high } = Bounds::around(order.iter().map(|&p| middle(p)));
-    let axis = (0..3).max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b]))).unwrap_or(0);
-    order.sort_unstable_by(|&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.cmp(&b)));
-    let triangles = |p: u32| u64::from(pieces[p as usize].triangles);
-    let left_members = members / 2;
-    let total: u64 = order.iter().map(|&p| triangles(p)).sum();
-    let share = total * left_members as u64 / members as u64;
-    let mut sum = 0;
-    // A piece on the cut goes where most of it lies.
-    let is_left = |&&p: &&u32| {
-        sum += triangles(p);
-        2 * sum <= 2 * share + triangles(p)
-    };
-    let cut = order.iter().take_while(is_left).count();
-    let (left, right) = order.split_at_mut(cut);
-    bisect(pieces, left, first, left_members, holders);
-    bisect(pieces, right, first + left_members as u32, members - left_members, holders);
 }
 
 #[cfg(test)]
