@@ -15,6 +15,8 @@ cargo xtask TASK
   tidy       the rules of the source tree (CONTRIBUTING.md)
   licences   the licences of all dependencies against deny.toml
   scenes     write the generated files in scenes/
+  large-scene N glb|nodes|obj FILE
+             write a scene of N triangles or a few more, for measuring memory
   accuracy   measure the accuracy and write docs/accuracy.md; with names of suites: print those";
 
 fn main() -> ExitCode {
@@ -35,6 +37,7 @@ fn run(arguments: &[&str]) -> Result<()> {
         ["tidy"] => tidy::run(root),
         ["licences"] => licences::run(root),
         ["scenes"] => scenes::run(&root.join("scenes")),
+        ["large-scene", triangles, form, file] => scenes::large::run(triangles, form, Path::new(file)),
         ["accuracy", suites @ ..] => accuracy(root, suites),
         [] => {
             println!("{HELP}");

@@ -6,8 +6,9 @@ use std::path::Path;
 use std::process::Command;
 
 /// Modules of the library in the order in which data flows: each may name those before it.
-const ORDER: [&str; 16] = [
+const ORDER: [&str; 17] = [
     "quantity",
+    "column",
     "resources",
     "scene",
     "mesh",

@@ -1,12 +1,13 @@
 //! Scenes from OBJ text, solved in memory.
 
+use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions, Patch};
 use ringlight::probe::{self, GatherOptions, Point, Reading, Status, SurfaceOptions};
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene};
 use ringlight::shooting::{ElementLight, Shoot};
-use ringlight::solution::{Description, Solution};
-use ringlight::solve::{self, Energy, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solution::{Description, Solution, SolvedLight};
+use ringlight::solve::{self, Energy, Ledger, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::fmt::Write;
@@ -130,7 +131,7 @@ pub struct Meshed {
 /// Cuts a scene into patches and elements of these sizes, metres.
 pub fn meshed(scene: Scene, patch: f64, element: f64) -> Meshed {
     let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
-    let mut mesh = mesh::build(&scene, &options).unwrap();
+    let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let hierarchy = Arc::new(mesh::hierarchy(&mesh));
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     Meshed { scene, mesh, hierarchy }
@@ -177,7 +178,8 @@ impl Meshed {
         let energy = energy(&state, world);
         let description = Description::new(&self.scene);
         let mesh = self.mesh.clone();
-        Solution { description, mesh, settings: world.settings, state, energy, images: Vec::new() }
+        let (ledger, light) = (Ledger::of(&state), SolvedLight::of(state.clusters, Store::Heap).unwrap());
+        Solution { description, mesh, settings: world.settings, ledger, light, energy, images: Vec::new() }
     }
 
     /// Irradiance gathered at points (position, normal); not a number where there is none to tell of.

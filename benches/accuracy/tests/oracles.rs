@@ -1,6 +1,7 @@
 //! What is fast beside what is slow and obvious.
 
 use glam::{DVec2, DVec3};
+use ringlight::column::Store;
 use ringlight::form_factor::contour;
 use ringlight::mesh::{self, MeshOptions, Quality};
 use ringlight_accuracy::method::exact;
@@ -136,7 +137,7 @@ fn the_contour_averaged_over_a_square_gives_the_published_factors_of_the_cube() 
 fn masks_on_our_own_scenes_equal_every_ray_against_every_triangle() {
     for file in ["office.glb", "gallery.glb", "furnace.glb", "cornell_box.obj"] {
         let options = MeshOptions { quality: Quality::Draft, ..MeshOptions::default() };
-        let mesh = mesh::build(&own(file), &options).unwrap();
+        let mesh = mesh::build(&own(file), &options, Store::Heap).unwrap();
         let (hierarchy, triangles) = (mesh::hierarchy(&mesh), triangles(&mesh));
         let random = &mut Random(9);
         let (mut blocked, mut rays) = (0, 0);

@@ -311,6 +311,9 @@ pub struct SizeArguments {
     /// Unit of an OBJ file's lengths; metres by default
     #[arg(long, value_enum)]
     pub unit: Option<UnitChoice>,
+    /// Keep what grows with the scene in files in this folder, not in memory
+    #[arg(long, value_name = "DIR")]
+    pub scratch: Option<PathBuf>,
 }
 
 /// How light is solved.

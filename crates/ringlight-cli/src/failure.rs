@@ -46,9 +46,9 @@ impl Failure {
     /// The exit code.
     pub fn code(&self) -> u8 {
         match self {
-            Failure::Other(_) | Failure::Bug(_) => 1,
             Failure::Usage(_) => 2,
-            Failure::Scene(_) => 3,
+            Failure::Scene(error) if !error.lacks_memory => 3,
+            Failure::Scene(_) | Failure::Other(_) | Failure::Bug(_) => 1,
         }
     }
 }

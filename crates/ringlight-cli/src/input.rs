@@ -4,15 +4,16 @@ use crate::arguments::{QualityChoice, SizeArguments, UnitChoice};
 use crate::failure::Failure;
 use crate::files::{self, FileResources};
 use anyhow::Context;
+use ringlight::column::Store;
 use ringlight::mesh::{Mesh, MeshOptions, Quality};
 use ringlight::quantity::Rgb;
-use ringlight::resources::Resources;
+use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, Image, Place, ReadOptions, Scene, SceneError};
-use ringlight::solution::{self, Solution};
+use ringlight::solution::{self, Description, Solution};
 use std::path::{Path, PathBuf};
 
-/// Reads a scene; gives also the files that it refers to.
-pub fn scene(path: &Path, unit: Option<UnitChoice>) -> Result<(Scene, Vec<PathBuf>), Failure> {
+/// Reads a scene, of which what has to be kept goes to `store`; gives also the files that it refers to.
+pub fn scene(path: &Path, unit: Option<UnitChoice>, store: Store<'_>) -> Result<(Scene, Vec<PathBuf>), Failure> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     if unit.is_some() && !name.to_ascii_lowercase().ends_with(".obj") {
         return Err(Failure::Usage(format!("{}: --unit is for OBJ; glTF lengths are metres", path.display())));
@@ -23,8 +24,9 @@ pub fn scene(path: &Path, unit: Option<UnitChoice>) -> Result<(Scene, Vec<PathBu
         UnitChoice::M => 1.0,
         UnitChoice::In => 0.0254,
     };
-    let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let resources = FileResources::beside(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let bytes = bytes(path)?;
+    let resources =
+        FileResources::beside(path, store).with_context(|| format!("{}: cannot be read", path.display()))?;
     let options = ReadOptions { unit_in_metres };
     let scene = scene::read(&name, bytes, &resources, &options).map_err(|error| locate(error, path))?;
     Ok((scene, resources.opened()))
@@ -76,21 +78,34 @@ pub fn default_cells(quality: QualityChoice) -> u32 {
     }
 }
 
-/// Reads a solution and attaches the images that it shows: from `scene` if given, else from files beside the solution.
+/// The bytes of a file.
+pub fn bytes(path: &Path) -> anyhow::Result<Bytes> {
+    files::open(path).with_context(|| format!("{}: cannot be read", path.display()))
+}
+
+/// Reads a solution and attaches the images that it shows.
 pub fn solution(path: &Path, scene_path: Option<&Path>) -> Result<Solution, Failure> {
-    let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let mut solution = solution::read(&bytes).with_context(|| path.display().to_string())?;
-    let images = match scene_path {
-        Some(scene_path) => scene(scene_path, None)?.0.images,
-        None => images_beside(path, &solution),
-    };
-    solution.attach_images(&images);
+    let mut solution = solution::read(&bytes(path)?, Store::Heap).with_context(|| path.display().to_string())?;
+    solution.images = images(path, scene_path, &solution.description)?;
     Ok(solution)
 }
 
-fn images_beside(path: &Path, solution: &Solution) -> Vec<Image> {
-    let Ok(resources) = FileResources::beside(path) else { return Vec::new() };
-    let wanted = solution.description.images.iter();
+/// The images that a solution shows: from `scene_path` if given, else from files beside the solution.
+pub fn images(
+    path: &Path,
+    scene_path: Option<&Path>,
+    description: &Description,
+) -> Result<Vec<Option<Bytes>>, Failure> {
+    let images = match scene_path {
+        Some(scene_path) => scene(scene_path, None, Store::Heap)?.0.images,
+        None => images_beside(path, description),
+    };
+    Ok(description.find_images(&images))
+}
+
+fn images_beside(path: &Path, description: &Description) -> Vec<Image> {
+    let Ok(resources) = FileResources::beside(path, Store::Heap) else { return Vec::new() };
+    let wanted = description.images.iter();
     wanted
         .filter_map(|image| {
             let bytes = resources.read(&image.name).ok()?;

@@ -7,7 +7,9 @@ use crate::failure::{End, Failure};
 use crate::input;
 use crate::progress::duration;
 use crate::run::warning;
+use crate::scratch::FileScratch;
 use crate::spread::in_words;
+use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
 use ringlight::output::report::{ReportedWarning, SceneReport, Units, warnings};
 use ringlight::plan::Counts;
@@ -78,9 +80,11 @@ struct Forecast {
 /// Inspects.
 pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let path = arguments.scene.as_path();
-    let (scene, _) = input::scene(path, arguments.sizes.unit)?;
+    let scratch = arguments.sizes.scratch.as_deref().map(FileScratch::new);
+    let store = scratch.as_ref().map_or(Store::Heap, |scratch| Store::Scratch(scratch));
+    let (scene, _) = input::scene(path, arguments.sizes.unit, store)?;
     let options = input::mesh_options(&arguments.sizes);
-    let mesh = mesh::build(&scene, &options).map_err(|error| input::locate(error, path))?;
+    let mesh = mesh::build(&scene, &options, store).map_err(|error| input::locate(error, path))?;
     let settings = bake::settings(&arguments.method, arguments.sizes.quality);
     let mut inspection = Inspection::new(path, &scene, &mesh, &settings);
     inspection.warnings.extend(warnings(&bake::skipped(&mesh)));

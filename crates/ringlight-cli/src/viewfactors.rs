@@ -9,6 +9,7 @@ use crate::signals::Signals;
 use crate::values::Matrix;
 use crate::{input, machine, outputs};
 use anyhow::Context;
+use ringlight::column::Store;
 use ringlight::output::report::{self, ReportedWarning};
 use ringlight::output::{FactorForm, FactorValue, FactorWriter};
 use ringlight::scene::{Place, Warnings};
@@ -54,7 +55,7 @@ pub fn viewfactors(arguments: &ViewFactors) -> Result<End, Failure> {
     let targets = targets(arguments)?;
     outputs::check_files(&targets, path, arguments.force)?;
     run.reporter.stage(Stage::Load);
-    let (mut scene, read) = input::scene(path, arguments.unit)?;
+    let (mut scene, read) = input::scene(path, arguments.unit, Store::Heap)?;
     outputs::check_unread(&targets, &read)?;
     scene.warnings.0.retain(|warning| !ABOUT_LOOKS.contains(&warning.code.as_str()));
     run.seconds.load = run.lap();

@@ -113,6 +113,13 @@ impl Tree {
             Tree::Leaf(bounds, ..) | Tree::Inner(bounds, _) => bounds,
         }
     }
+
+    fn inner_nodes(&self) -> usize {
+        match self {
+            Tree::Leaf(..) => 0,
+            Tree::Inner(_, children) => 1 + children.iter().map(Tree::inner_nodes).sum::<usize>(),
+        }
+    }
 }
 
 /// Part of the items during the building of one wide node.
@@ -133,7 +140,7 @@ impl<'a> Part<'a> {
 }
 
 /// Orders the triangles, and makes the nodes; the first is the root. Also returns the box of all.
-pub(crate) fn build(triangles: &mut Vec<Triangle>) -> (Vec<Node>, Bounds) {
+pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds) {
     assert!(triangles.len() <= Child::MOST, "a hierarchy holds at most {} triangles", Child::MOST);
     let mut items: Vec<Item> =
         (0..).zip(triangles.iter()).map(|(index, t)| Item { bounds: around(t), index }).collect();
@@ -146,12 +153,28 @@ pub(crate) fn build(triangles: &mut Vec<Triangle>) -> (Vec<Node>, Bounds) {
         leaf @ Tree::Leaf(..) => Tree::Inner(bounds, vec![leaf]),
         inner => inner,
     };
-    let ordered = items.iter().map(|item| triangles[item.index as usize]).collect();
-    *triangles = ordered;
-    let mut nodes = Vec::new();
+    reorder(triangles, items);
+    // Exactly as many: a vector that grows holds them twice.
+    let mut nodes = Vec::with_capacity(tree.inner_nodes());
     flatten(&tree, &mut nodes);
-    nodes.shrink_to_fit();
     (nodes, bounds)
+}
+
+/// Puts the triangles in the order of the items, in place, cycle by cycle of the permutation.
+fn reorder(triangles: &mut [Triangle], mut items: Vec<Item>) {
+    for start in 0..items.len() {
+        let first = triangles[start];
+        let mut here = start;
+        loop {
+            let from = std::mem::replace(&mut items[here].index, here as u32) as usize;
+            if from == start {
+                triangles[here] = first;
+                break;
+            }
+            triangles[here] = triangles[from];
+            here = from;
+        }
+    }
 }
 
 fn around(t: &Triangle) -> Bounds {

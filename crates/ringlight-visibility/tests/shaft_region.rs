@@ -75,6 +75,9 @@ fn the_region_leaves_much_out() {
         let met = boxes.filter(|low| region.meets(*low, low.map(|c| c + 0.1))).count();
         assert!((20..800).contains(&met), "{met} of 8000 boxes");
         assert!(region.meets([-0.05, -0.05, -0.05], [0.05; 3]));
-        assert!(!Region::new(&PreparedShooter::new(&shooter), samples.points(), &[0; 8], [[-1.0; 3], [1.0; 3]]).meets([-1.0; 3], [1.0; 3]));
+        assert!(
+            !Region::new(&PreparedShooter::new(&shooter), samples.points(), &[0; 8], [[-1.0; 3], [1.0; 3]])
+                .meets([-1.0; 3], [1.0; 3])
+        );
     }
 }

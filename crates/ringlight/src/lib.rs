@@ -5,6 +5,7 @@
 //! [`view_factor`] uses the same primitives without light; [`ring`] and [`transport`] let many ranks hold one scene; [`plan`]
 //! foretells what that takes.
 
+pub mod column;
 pub mod form_factor;
 pub mod mesh;
 pub mod output;

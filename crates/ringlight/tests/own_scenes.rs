@@ -1,5 +1,6 @@
 //! The scenes in `scenes/`, read and cut as their README says.
 
+use ringlight::column::Store;
 use ringlight::mesh::{self, MeshOptions};
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions};
@@ -18,7 +19,7 @@ fn counts(file: &str, patch: f64, element: f64) -> (usize, usize) {
     let bytes = Bytes::new(std::fs::read(folder.join(file)).unwrap());
     let scene = scene::read(file, bytes, &Folder(folder), &ReadOptions::default()).unwrap();
     let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
-    let mesh = mesh::build(&scene, &options).unwrap();
+    let mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     mesh.check().unwrap();
     (mesh.patch_count(), mesh.element_count())
 }

@@ -1,5 +1,6 @@
 //! Solves over rings of ranks, with threads as ranks: bit for bit those of one rank.
 
+use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions};
 use ringlight::resources::{Bytes, Resources};
 use ringlight::ring::{Rings, Routing, Shards, Visits};
@@ -33,7 +34,7 @@ impl Task {
         let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         let bytes = Bytes::new(std::fs::read(folder.join(name)).unwrap());
         let scene = scene::read(name, bytes, &Folder(folder), &ReadOptions::default()).unwrap();
-        let mut mesh = mesh::build(&scene, &options).unwrap();
+        let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
         let hierarchy = mesh::hierarchy(&mesh);
         mesh::find_valid_samples(&mut mesh, &hierarchy);
         Task { mesh, lights: scene.lights, settings, shots }

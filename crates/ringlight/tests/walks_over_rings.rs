@@ -1,6 +1,7 @@
 //! Covered samples, the audit of shots and light from infinity over rings of ranks, with threads as ranks: bit for bit those
 //! of one rank.
 
+use ringlight::column::Store;
 use ringlight::mesh::{self, Frame, Mesh, MeshOptions};
 use ringlight::resources::{Bytes, Resources};
 use ringlight::ring::{Rings, Routing, Shards};
@@ -26,7 +27,7 @@ fn read(file: &str, patch_size: f64, element_size: f64) -> Mesh {
     let scene = scene::read(file, bytes, &Folder(folder), &ReadOptions::default()).unwrap();
     let options =
         MeshOptions { patch_size: Some(patch_size), element_size: Some(element_size), ..MeshOptions::default() };
-    mesh::build(&scene, &options).unwrap()
+    mesh::build(&scene, &options, Store::Heap).unwrap()
 }
 
 /// Our way and the paper's, packets and windows of other sizes.
@@ -70,7 +71,7 @@ fn valid_samples_are_the_same_over_any_rings() {
                     part = others;
                 }
             }
-            assert!(valid == mesh.valid, "{file}, {way:?}");
+            assert!(valid == mesh.valid[..], "{file}, {way:?}");
             let mean = tested as f64 / packets.max(1) as f64;
             println!("{file}, {way:?}: {packets} packets visit {mean:.2} members each");
             let members = way.rings.ranks().div_ceil(way.rings.rings()) as f64;

@@ -55,6 +55,13 @@ pub fn glb(model: &Model) -> Result<Vec<u8>> {
     Ok(container(serde_json::to_vec(&document)?, binary))
 }
 
+/// The materials of a model, as JSON.
+pub fn materials(model: &Model) -> Result<Value> {
+    let mut document = Document::default();
+    document.describe(model);
+    Ok(serde_json::to_value(document.materials)?)
+}
+
 /// The GLB container: a header, a JSON chunk and a binary chunk, both padded to whole words.
 fn container(mut json: Vec<u8>, mut binary: Vec<u8>) -> Vec<u8> {
     json.resize(json.len().next_multiple_of(4), b' ');

@@ -5,6 +5,7 @@ mod furnace;
 mod furniture;
 mod gallery;
 mod gltf;
+pub mod large;
 mod model;
 mod office;
 

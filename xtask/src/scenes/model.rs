@@ -6,6 +6,7 @@ use glam::{DMat3, DQuat, DVec3};
 pub type Paint = usize;
 
 /// What a surface is made of.
+#[derive(Clone)]
 pub struct Material {
     pub name: String,
     /// Linear reflectance.
@@ -24,12 +25,14 @@ pub struct Rectangle {
 }
 
 /// Rectangles in a common frame.
+#[derive(Clone)]
 pub struct Mesh {
     pub name: String,
     pub rectangles: Vec<Rectangle>,
 }
 
 /// A node of the hierarchy.
+#[derive(Clone, Default)]
 pub struct Node {
     pub name: String,
     pub translation: DVec3,

@@ -130,7 +130,7 @@ fn coloured() -> Meshed {
                 colour.reflectance[c] *= share;
                 colour.exitance[c] *= 1.0 - share;
             }
-            mesh.colours.push(colour);
+            mesh.colours.push(colour).unwrap();
         }
     }
     meshed

@@ -1,12 +1,16 @@
 //! From a scene's triangles to the mesh.
 
 use super::cluster;
-use super::pairing::{Corner, Polygon, pair};
+use super::pairing::{Corner, Pairing, Polygon};
 use super::plane::{Planes, RELATIVE_TOLERANCE};
 use super::size::{self, Quality};
 use super::{Facet, Mesh, NONE};
+use crate::column::{Column, Store};
 use crate::scene::{Place, Scene, SceneError, SourceTriangle};
+use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::io;
 
 /// What the user may fix.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -23,9 +27,19 @@ pub struct MeshOptions {
 const SLIVER: f32 = 1e-5;
 
 /// Cuts the scene's surfaces into patches, elements and clusters. All samples count as valid until
-/// [`super::find_valid_samples`] has looked at them.
-pub fn build(scene: &Scene, options: &MeshOptions) -> Result<Mesh, SceneError> {
-    let mut mesh = Mesh { surface_colours: vec![Default::default(); scene.surfaces.len()], ..Mesh::default() };
+/// [`super::find_valid_samples`] has looked at them. All that grows with the number of triangles or elements is in `store`, but
+/// for the clusters.
+pub fn build(scene: &Scene, options: &MeshOptions, store: Store<'_>) -> Result<Mesh, SceneError> {
+    let mut mesh = Mesh {
+        facets: store.column()?,
+        patch_facets: store.column()?,
+        base_uv: store.column()?,
+        emission_uv: store.column()?,
+        vertex_colours: store.column()?,
+        colours: store.column()?,
+        valid: store.column()?,
+        ..Mesh::default()
+    };
     let (low, high) = bounds(scene)?;
     let centre = (low + high) / 2.0;
     mesh.diagonal = (high - low).length();
@@ -33,32 +47,24 @@ pub fn build(scene: &Scene, options: &MeshOptions) -> Result<Mesh, SceneError> {
     if centre.length() > 2.0 * mesh.diagonal {
         mesh.origin = centre.round().to_array();
     }
-    let mut slivers = 0;
-    for surface in 0..scene.surfaces.len() {
-        slivers += add_surface(&mut mesh, scene, surface)?;
-    }
-    if slivers > 0 {
-        mesh.skipped.push(("sliver".into(), slivers));
-    }
+    add_surfaces(&mut mesh, scene, store)?;
     if mesh.facets.is_empty() {
         let place = Place::new(scene.name.clone(), "");
         return Err(SceneError::new(place, "no triangle with an area", "a surface to light"));
     }
-    find_planes(&mut mesh, (high - low).length());
+    find_planes(&mut mesh, store)?;
     let double_sided = |f: &Facet| scene.materials[scene.surfaces[f.surface as usize].material as usize].double_sided;
     for facet in &mut mesh.facets {
         // Until the facets are numbered, this marks which have two lit sides.
         facet.first_back_patch = if double_sided(facet) { 0 } else { NONE };
     }
-    mesh.sizes = size::choose(&mesh.facets, options.quality, options.patch_size, options.element_size);
-    let mut element_counts = Vec::with_capacity(mesh.facets.len());
+    mesh.sizes = size::choose(&mesh.facets, options.quality, [options.patch_size, options.element_size], store)?;
     let mut total = 0u64;
     for facet in &mut mesh.facets {
         (facet.patches, facet.elements) = size::grids(size::lengths(facet), &mesh.sizes);
         let sides = if double_sided(facet) { 2 } else { 1 };
         let one = facet.patches.iter().chain(&facet.elements).map(|&n| u64::from(n)).product::<u64>();
         total = total.saturating_add(one.saturating_mul(sides));
-        element_counts.push(one.min(u64::from(u32::MAX)) as u32);
     }
     if total > u64::from(u32::MAX) / 2 {
         let place = Place::new(scene.name.clone(), "");
@@ -69,11 +75,15 @@ pub fn build(scene: &Scene, options: &MeshOptions) -> Result<Mesh, SceneError> {
         ));
     }
     let turn = 4.0 * mesh.sizes.patch;
-    let (order, groups) = cluster::order(&mesh.facets, &element_counts, turn);
-    mesh.facets = order.iter().map(|&f| mesh.facets[f as usize]).collect();
-    cluster::number(&mut mesh, &groups, double_sided);
-    mesh.valid = vec![super::ALL_VALID; total as usize];
-    super::colour::assign(&mut mesh, scene);
+    let (order, groups) = cluster::order(&mesh.facets, turn, store)?;
+    let unordered = std::mem::replace(&mut mesh.facets, store.column()?);
+    let by_number: &[Facet] = &unordered;
+    mesh.facets.reserve(by_number.len())?;
+    mesh.facets.extend(order.iter().map(|&f| by_number[f as usize]))?;
+    drop((order, unordered));
+    cluster::number(&mut mesh, &groups, double_sided)?;
+    mesh.valid.resize(total as usize, super::ALL_VALID)?;
+    super::colour::assign(&mut mesh, scene, store)?;
     Ok(mesh)
 }
 
@@ -93,27 +103,39 @@ fn bounds(scene: &Scene) -> Result<(DVec3, DVec3), SceneError> {
     Ok((low, high))
 }
 
-/// Adds a surface's facets; gives the number of slivers left out.
-fn add_surface(mesh: &mut Mesh, scene: &Scene, number: usize) -> Result<u64, SceneError> {
-    let surface = &scene.surfaces[number];
-    let material = &scene.materials[surface.material as usize];
+/// Adds the facets of all surfaces.
+fn add_surfaces(mesh: &mut Mesh, scene: &Scene, store: Store<'_>) -> Result<(), SceneError> {
     let origin = DVec3::from(mesh.origin);
-    let mut triangles: Vec<[Corner; 3]> = Vec::with_capacity(surface.triangles.min(1 << 24) as usize);
+    let mut triangles: Column<[Corner; 3]> = store.column()?;
+    let mut pairing = Pairing::new(store)?;
     let mut slivers = 0;
-    let (base, emission) = (material.base_texture.is_some(), material.emission_texture.is_some());
-    scene.geometry.triangles(number, &mut |t| {
-        let corners: [Corner; 3] = std::array::from_fn(|i| Corner {
-            position: (DVec3::from(t.position[i]) - origin).as_vec3(),
-            base_uv: if base { t.base_uv[i] } else { [0.0; 2] },
-            emission_uv: if emission { t.emission_uv[i] } else { [0.0; 2] },
-            colour: if surface.has_colours { t.colour[i] } else { [1.0; 4] },
-        });
-        if is_sliver(corners.map(|c| c.position)) { slivers += 1 } else { triangles.push(corners) }
-    })?;
-    for polygon in pair(&triangles) {
-        add_facet(mesh, number as u32, &polygon, [base, emission, surface.has_colours]);
+    for (number, surface) in scene.surfaces.iter().enumerate() {
+        let material = &scene.materials[surface.material as usize];
+        let (base, emission) = (material.base_texture.is_some(), material.emission_texture.is_some());
+        triangles.clear();
+        let mut kept = Ok(());
+        scene.geometry.triangles(number, &mut |t| {
+            let corners: [Corner; 3] = std::array::from_fn(|i| Corner {
+                position: (DVec3::from(t.position[i]) - origin).as_vec3(),
+                base_uv: if base { t.base_uv[i] } else { [0.0; 2] },
+                emission_uv: if emission { t.emission_uv[i] } else { [0.0; 2] },
+                colour: if surface.has_colours { t.colour[i] } else { [1.0; 4] },
+            });
+            if is_sliver(corners.map(|c| c.position)) {
+                slivers += 1;
+            } else if kept.is_ok() {
+                kept = triangles.push(corners);
+            }
+        })?;
+        kept?;
+        pairing.pair(&triangles, |polygon| {
+            add_facet(mesh, number as u32, polygon, [base, emission, surface.has_colours])
+        })?;
     }
-    Ok(slivers)
+    if slivers > 0 {
+        mesh.skipped.push(("sliver".into(), slivers));
+    }
+    Ok(())
 }
 
 fn is_sliver([a, b, c]: [Vec3; 3]) -> bool {
@@ -122,14 +144,13 @@ fn is_sliver([a, b, c]: [Vec3; 3]) -> bool {
     !(twice_area > SLIVER * longest && twice_area > f32::MIN_POSITIVE)
 }
 
-fn add_facet(mesh: &mut Mesh, surface: u32, polygon: &Polygon, [base, emission, colours]: [bool; 3]) {
-    fn store<T>(values: &mut Vec<T>, wanted: bool, value: T) -> u32 {
-        if wanted {
-            values.push(value);
-            values.len() as u32 - 1
-        } else {
-            NONE
+fn add_facet(mesh: &mut Mesh, surface: u32, polygon: &Polygon, [base, emission, colours]: [bool; 3]) -> io::Result<()> {
+    fn keep<T: Pod>(values: &mut Column<T>, wanted: bool, value: T) -> io::Result<u32> {
+        if !wanted {
+            return Ok(NONE);
         }
+        values.push(value)?;
+        Ok(values.len() as u32 - 1)
     }
     let c = &polygon.corners;
     let facet = Facet {
@@ -140,28 +161,38 @@ fn add_facet(mesh: &mut Mesh, surface: u32, polygon: &Polygon, [base, emission, 
         first_back_patch: NONE,
         first_element: NONE,
         first_back_element: NONE,
-        base_uv: store(&mut mesh.base_uv, base, c.map(|c| c.base_uv)),
-        emission_uv: store(&mut mesh.emission_uv, emission, c.map(|c| c.emission_uv)),
-        vertex_colour: store(&mut mesh.vertex_colours, colours, c.map(|c| c.colour)),
+        base_uv: keep(&mut mesh.base_uv, base, c.map(|c| c.base_uv))?,
+        emission_uv: keep(&mut mesh.emission_uv, emission, c.map(|c| c.emission_uv))?,
+        vertex_colour: keep(&mut mesh.vertex_colours, colours, c.map(|c| c.colour))?,
         colour: NONE,
         patches: [1; 2],
         elements: [1; 2],
     };
     debug_assert_eq!(facet.layout() == ringlight_visibility::Layout::Triangle, polygon.triangle);
-    mesh.facets.push(facet);
+    mesh.facets.push(facet)
+}
+
+/// A facet by its size.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Sized {
+    area_squared: f64,
+    facet: u64,
 }
 
 /// Gives plane ids, large facets first.
-fn find_planes(mesh: &mut Mesh, diagonal: f64) {
-    let areas: Vec<DVec3> = mesh.facets.iter().map(|f| f.frame().area_vector()).collect();
-    let mut order: Vec<u32> = (0..mesh.facets.len() as u32).collect();
-    order.sort_by(|&a, &b| {
-        areas[b as usize].length_squared().total_cmp(&areas[a as usize].length_squared()).then(a.cmp(&b))
-    });
-    let reach = mesh.facets.iter().flat_map(|f| f.corners).map(|c| f64::from(c.length())).fold(0.0, f64::max);
-    let mut planes = Planes::new(RELATIVE_TOLERANCE * diagonal, reach);
-    for f in order {
-        let facet = &mut mesh.facets[f as usize];
-        facet.plane = planes.id(&facet.corners.map(|c| c.as_dvec3()), areas[f as usize]);
+fn find_planes(mesh: &mut Mesh, store: Store<'_>) -> io::Result<()> {
+    let facets: &mut [Facet] = &mut mesh.facets;
+    let mut order: Column<Sized> = store.column()?;
+    order.reserve(facets.len())?;
+    let size = |f: &Facet| f.frame().area_vector().length_squared();
+    order.extend((0..).zip(&*facets).map(|(facet, f)| Sized { area_squared: size(f), facet }))?;
+    order.par_sort_unstable_by(|a, b| b.area_squared.total_cmp(&a.area_squared).then(a.facet.cmp(&b.facet)));
+    let reach = facets.iter().flat_map(|f| f.corners).map(|c| f64::from(c.length())).fold(0.0, f64::max);
+    let mut planes = Planes::new(RELATIVE_TOLERANCE * mesh.diagonal, reach, store)?;
+    for sized in &order {
+        let facet = &mut facets[sized.facet as usize];
+        facet.plane = planes.id(&facet.corners.map(|c| c.as_dvec3()), facet.frame().area_vector())?;
     }
+    Ok(())
 }

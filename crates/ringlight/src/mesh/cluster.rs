@@ -1,37 +1,51 @@
 //! Order of facets, and clusters: neighbours in space that face alike.
 
 use super::{Cluster, Facet, Mesh, NONE};
+use crate::column::{Column, Store};
+use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
+use std::io;
 
 /// Elements per cluster aimed at. Small enough for tight boxes, large enough that per-cluster work vanishes.
 pub const CLUSTER_ELEMENTS: u32 = 64;
 
+/// A facet on its way into order.
+#[derive(Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Item {
+    /// Position of the middle, and normal.
+    key: [f32; 6],
+    facet: u32,
+    elements: u32,
+}
+
 /// The order of facets, and the sizes of the groups of neighbours in it: recursive halving of (position, normal) along
 /// its longest extent, a turn by 90° counting as much as `turn` metres.
-pub fn order(facets: &[Facet], element_counts: &[u32], turn: f64) -> (Vec<u32>, Vec<u32>) {
-    let keys: Vec<[f32; 6]> = facets
-        .iter()
-        .map(|f| {
-            let frame = f.frame();
-            let middle = frame.at(super::Frame::middle(frame.layout));
-            let normal = frame.area_vector().normalize() * turn;
-            [middle.x, middle.y, middle.z, normal.x, normal.y, normal.z].map(|x| x as f32)
-        })
-        .collect();
-    let mut order: Vec<u32> = (0..facets.len() as u32).collect();
-    let mut groups = Vec::new();
-    let whole = 0..facets.len();
+pub fn order(facets: &[Facet], turn: f64, store: Store<'_>) -> io::Result<(Column<u32>, Column<u32>)> {
+    let mut items: Column<Item> = store.column()?;
+    items.reserve(facets.len())?;
+    items.extend((0..).zip(facets).map(|(facet, f)| {
+        let frame = f.frame();
+        let middle = frame.at(super::Frame::middle(frame.layout));
+        let normal = frame.area_vector().normalize() * turn;
+        let key = [middle.x, middle.y, middle.z, normal.x, normal.y, normal.z].map(|x| x as f32);
+        Item { key, facet, elements: f.element_count() }
+    }))?;
+    let items: &mut [Item] = &mut items;
+    let mut groups = store.column()?;
+    let whole = 0..items.len();
     let mut stack = vec![whole];
     while let Some(range) = stack.pop() {
-        let part = &mut order[range.clone()];
-        let elements: u64 = part.iter().map(|&f| u64::from(element_counts[f as usize])).sum();
+        let part = &mut items[range.clone()];
+        let elements: u64 = part.iter().map(|item| u64::from(item.elements)).sum();
         if part.len() <= 1 || elements <= u64::from(CLUSTER_ELEMENTS) {
-            groups.push(part.len() as u32);
+            part.sort_unstable_by_key(|item| item.facet);
+            groups.push(part.len() as u32)?;
             continue;
         }
         let mut extent = [(f32::INFINITY, f32::NEG_INFINITY); 6];
-        for &f in part.iter() {
-            for (e, &x) in extent.iter_mut().zip(&keys[f as usize]) {
+        for item in part.iter() {
+            for (e, &x) in extent.iter_mut().zip(&item.key) {
                 *e = (e.0.min(x), e.1.max(x));
             }
         }
@@ -39,24 +53,19 @@ pub fn order(facets: &[Facet], element_counts: &[u32], turn: f64) -> (Vec<u32>, 
         let axis = axis.unwrap_or(0);
         let half = part.len() / 2;
         // Ties by file order: the split depends on the scene alone.
-        part.select_nth_unstable_by(half, |&a, &b| {
-            keys[a as usize][axis].total_cmp(&keys[b as usize][axis]).then(a.cmp(&b))
-        });
+        part.select_nth_unstable_by(half, |a, b| a.key[axis].total_cmp(&b.key[axis]).then(a.facet.cmp(&b.facet)));
         let middle = range.start + half;
         stack.push(middle..range.end);
         stack.push(range.start..middle);
     }
-    let mut start = 0;
-    for &n in &groups {
-        order[start..start + n as usize].sort_unstable();
-        start += n as usize;
-    }
-    (order, groups)
+    let mut order = store.column()?;
+    order.extend(items.iter().map(|item| item.facet))?;
+    Ok((order, groups))
 }
 
 /// Numbers patches and elements of ordered facets, group by group: the fronts of a group, then its backs; and cuts them
 /// into clusters.
-pub fn number(mesh: &mut Mesh, groups: &[u32], double_sided: impl Fn(&Facet) -> bool) {
+pub fn number(mesh: &mut Mesh, groups: &[u32], double_sided: impl Fn(&Facet) -> bool) -> io::Result<()> {
     let (mut patch, mut element, mut start) = (0u32, 0u32, 0usize);
     for &count in groups {
         let range = start..start + count as usize;
@@ -77,13 +86,15 @@ pub fn number(mesh: &mut Mesh, groups: &[u32], double_sided: impl Fn(&Facet) -> 
                 patch += facet.patch_count();
                 element += facet.element_count();
                 let code = (f as u32) << 1 | u32::from(back);
-                mesh.patch_facets.extend(std::iter::repeat_n(code, facet.patch_count() as usize));
+                mesh.patch_facets.extend(std::iter::repeat_n(code, facet.patch_count() as usize))?;
             }
             if patch > first.0 {
                 cut(mesh, first, patch);
             }
         }
     }
+    mesh.clusters.shrink_to_fit();
+    Ok(())
 }
 
 /// Cuts the patches from `first` (patch, element) up to `end` into clusters.

@@ -1,6 +1,7 @@
 //! Reflectance, emission and coverage of elements: averages of factors, textures and vertex colours.
 
-use super::{Facet, Frame, Mesh, NONE, OPAQUE_COVERAGE};
+use super::{Facet, FacetCoverage, Frame, Mesh, NONE, OPAQUE_COVERAGE};
+use crate::column::Store;
 use crate::quantity::{MAX_REFLECTANCE, Rgb};
 use crate::scene::texture::TextureImage;
 use crate::scene::{Alpha, Material, Scene, Texture};
@@ -8,7 +9,11 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, Vec2, Vec4};
 use rayon::prelude::*;
 use ringlight_visibility::{Bitmap, Layout};
+use std::io;
 use std::sync::Arc;
+
+/// Facets whose colours are computed before any is written down.
+const FACETS_AT_ONCE: usize = 1 << 10;
 
 /// What an element does with light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -35,12 +40,13 @@ impl Colour {
 }
 
 /// Finds the colours of all surfaces and elements, decoding one image at a time.
-pub fn assign(mesh: &mut Mesh, scene: &Scene) {
+pub fn assign(mesh: &mut Mesh, scene: &Scene, store: Store<'_>) -> io::Result<()> {
     let material = |f: &Facet| &scene.materials[scene.surfaces[f.surface as usize].material as usize];
     mesh.surface_colours = scene.surfaces.iter().map(|s| plain(&scene.materials[s.material as usize])).collect();
     mesh.occluder.coverage = mesh.surface_colours.iter().map(|c| c.coverage).collect();
     mesh.occluder.cutout = vec![None; scene.surfaces.len()];
-    store_varying(mesh, material);
+    mesh.occluder.facet_coverage = store.column()?;
+    store_varying(mesh, material)?;
     for (number, image) in scene.images.iter().enumerate() {
         let uses = |t: &Option<Texture>| t.is_some_and(|t| t.image as usize == number);
         if !scene.materials.iter().any(|m| uses(&m.base_texture) || uses(&m.emission_texture)) {
@@ -53,12 +59,13 @@ pub fn assign(mesh: &mut Mesh, scene: &Scene) {
                 error.place,
             ),
             Ok(decoded) => {
-                multiply(mesh, scene, &decoded, |m| m.base_texture.filter(|t| t.image as usize == number));
+                multiply(mesh, scene, &decoded, |m| m.base_texture.filter(|t| t.image as usize == number))?;
                 multiply_emission(mesh, scene, &decoded, number);
             }
         }
     }
     limit(mesh, scene);
+    Ok(())
 }
 
 /// The colour of a material without its textures.
@@ -79,7 +86,7 @@ fn plain(material: &Material) -> Colour {
 }
 
 /// Gives facets with textures or vertex colours a colour for each element. Both sides of a facet share them.
-fn store_varying<'a>(mesh: &mut Mesh, material: impl Fn(&Facet) -> &'a Material) {
+fn store_varying<'a>(mesh: &mut Mesh, material: impl Fn(&Facet) -> &'a Material) -> io::Result<()> {
     for facet in &mut mesh.facets {
         let plain = mesh.surface_colours[facet.surface as usize];
         let vertex = (facet.vertex_colour != NONE).then(|| mesh.vertex_colours[facet.vertex_colour as usize]);
@@ -100,8 +107,9 @@ fn store_varying<'a>(mesh: &mut Mesh, material: impl Fn(&Facet) -> &'a Material)
                 }
             }
             colour
-        }));
+        }))?;
     }
+    Ok(())
 }
 
 /// Parameters within the facet of the corners of element `k` of a side.
@@ -165,7 +173,7 @@ fn multiply(
     scene: &Scene,
     image: &TextureImage,
     texture: impl Fn(&Material) -> Option<Texture> + Sync,
-) {
+) -> io::Result<()> {
     let materials: Vec<&Material> = scene.surfaces.iter().map(|s| &scene.materials[s.material as usize]).collect();
     // Materials in mode MASK see the texture through their cutoff.
     let mut masked: Vec<(u32, TextureImage)> = Vec::new();
@@ -187,42 +195,42 @@ fn multiply(
         };
         mesh.occluder.cutout[surface] = Some(bitmap as u32);
     }
-    let (facets, base_uv) = (&mesh.facets, &mesh.base_uv);
-    let found: Vec<(u32, Vec<[f32; 4]>)> = facets
-        .par_iter()
-        .enumerate()
-        .filter_map(|(f, facet)| {
-            let material = materials[facet.surface as usize];
-            let texture = texture(material)?;
-            let cut = match material.alpha {
-                Alpha::Mask(cutoff) => {
-                    let key = (cutoff / material.base_colour[3].max(1e-6) * 255.0).clamp(0.0, 256.0).to_bits();
-                    masked.iter().find(|(k, _)| *k == key).map(|(_, image)| image)
-                }
-                _ => None,
-            };
-            let uv = *base_uv.get(facet.base_uv as usize)?;
-            let weighted = material.alpha != Alpha::Opaque;
-            Some((f as u32, averages(facet, uv, &texture, cut.unwrap_or(image), weighted)))
-        })
-        .collect();
-    for (f, values) in found {
-        let facet = &mesh.facets[f as usize];
-        let see_through = materials[facet.surface as usize].alpha != Alpha::Opaque;
-        let first = facet.colour as usize;
-        let mut covered = 0.0;
-        for (colour, value) in mesh.colours[first..first + values.len()].iter_mut().zip(&values) {
-            (0..3).for_each(|c| colour.reflectance[c] *= value[c]);
-            if see_through {
-                colour.coverage *= value[3];
+    let (facets, base_uv): (&[Facet], &[_]) = (&mesh.facets, &mesh.base_uv);
+    let average = |facet: &Facet| {
+        let material = materials[facet.surface as usize];
+        let texture = texture(material)?;
+        let cut = match material.alpha {
+            Alpha::Mask(cutoff) => {
+                let key = (cutoff / material.base_colour[3].max(1e-6) * 255.0).clamp(0.0, 256.0).to_bits();
+                masked.iter().find(|(k, _)| *k == key).map(|(_, image)| image)
             }
-            covered += colour.coverage / values.len() as f32;
-        }
-        if materials[facet.surface as usize].alpha == Alpha::Blend {
-            mesh.occluder.facet_coverage.push((f, covered));
+            _ => None,
+        };
+        let uv = *base_uv.get(facet.base_uv as usize)?;
+        let weighted = material.alpha != Alpha::Opaque;
+        Some(averages(facet, uv, &texture, cut.unwrap_or(image), weighted))
+    };
+    for (start, part) in (0u32..).step_by(FACETS_AT_ONCE).zip(facets.chunks(FACETS_AT_ONCE)) {
+        let found: Vec<Option<Vec<[f32; 4]>>> = part.par_iter().map(average).collect();
+        for ((f, facet), values) in (start..).zip(part).zip(found) {
+            let Some(values) = values else { continue };
+            let material = materials[facet.surface as usize];
+            let first = facet.colour as usize;
+            let mut covered = 0.0;
+            for (colour, value) in mesh.colours[first..first + values.len()].iter_mut().zip(&values) {
+                (0..3).for_each(|c| colour.reflectance[c] *= value[c]);
+                if material.alpha != Alpha::Opaque {
+                    colour.coverage *= value[3];
+                }
+                covered += colour.coverage / values.len() as f32;
+            }
+            if material.alpha == Alpha::Blend {
+                mesh.occluder.facet_coverage.push(FacetCoverage { facet: f, share: covered })?;
+            }
         }
     }
-    mesh.occluder.facet_coverage.sort_by_key(|c| c.0);
+    mesh.occluder.facet_coverage.sort_unstable_by_key(|c| c.facet);
+    Ok(())
 }
 
 /// The texels with at least this alpha (0 to 256), as a bitmap and as an image of alpha 0 and 255.
@@ -275,9 +283,9 @@ fn limit(mesh: &mut Mesh, scene: &Scene) {
             mesh.warnings.add_many("texture-reflectance-lowered", LOWERED, place, count);
         }
     }
-    let see_through = mesh.occluder.facet_coverage.iter().filter(|c| c.1 < OPAQUE_COVERAGE);
-    for &(f, _) in see_through {
-        let place = scene.surfaces[mesh.facets[f as usize].surface as usize].place.clone();
+    let see_through = mesh.occluder.facet_coverage.iter().filter(|c| c.share < OPAQUE_COVERAGE);
+    for c in see_through {
+        let place = scene.surfaces[mesh.facets[c.facet as usize].surface as usize].place.clone();
         mesh.warnings.add("see-through-texture", SEE_THROUGH, place);
     }
 }

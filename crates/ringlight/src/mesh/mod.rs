@@ -13,7 +13,10 @@ mod look;
 mod occluders;
 mod pairing;
 mod plane;
+mod shared;
 mod size;
+#[cfg(test)]
+mod tests;
 mod validity;
 pub mod walk;
 
@@ -21,11 +24,13 @@ pub use build::{MeshOptions, build};
 pub use colour::Colour;
 pub use frame::{Frame, Tile};
 pub use look::{LookAbout, View};
-pub use occluders::{CLEAR_COVERAGE, OPAQUE_COVERAGE, Occluder, hierarchy, hierarchy_of};
+pub use occluders::{CLEAR_COVERAGE, FacetCoverage, OPAQUE_COVERAGE, Occluder, hierarchy, hierarchy_of};
 pub use plane::{Planes, RELATIVE_TOLERANCE};
+pub use shared::SharedError;
 pub use size::{Quality, Sizes};
 pub use validity::{find_valid_samples, is_hidden_beside, look_about, looks, sample_parameters, valid_samples};
 
+use crate::column::Column;
 use crate::scene::Warnings;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
@@ -83,23 +88,23 @@ pub struct Mesh {
     /// Sizes in force.
     pub sizes: Sizes,
     /// Facets in cluster order.
-    pub facets: Vec<Facet>,
+    pub facets: Column<Facet>,
     /// For each patch: twice its facet, plus 1 for the back.
-    pub patch_facets: Vec<u32>,
+    pub patch_facets: Column<u32>,
     /// Clusters in order.
     pub clusters: Vec<Cluster>,
     /// Base texture coordinates of the corners of textured facets.
-    pub base_uv: Vec<[[f32; 2]; 4]>,
+    pub base_uv: Column<[[f32; 2]; 4]>,
     /// Emission texture coordinates of the corners.
-    pub emission_uv: Vec<[[f32; 2]; 4]>,
+    pub emission_uv: Column<[[f32; 2]; 4]>,
     /// Vertex colours of the corners, linear RGBA.
-    pub vertex_colours: Vec<[[f32; 4]; 4]>,
+    pub vertex_colours: Column<[[f32; 4]; 4]>,
     /// Colours of elements that differ from their surface's.
-    pub colours: Vec<Colour>,
+    pub colours: Column<Colour>,
     /// Colour of each surface.
     pub surface_colours: Vec<Colour>,
     /// For each element, which of its sixteen samples (the tiles of a 4 × 4 grid) lie free of other geometry.
-    pub valid: Vec<u16>,
+    pub valid: Column<u16>,
     /// What light passes through.
     pub occluder: Occluder,
     /// What was changed or left out at meshing.

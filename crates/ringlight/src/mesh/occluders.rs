@@ -1,7 +1,9 @@
 //! What blocks light: the facets' triangles and what they let through.
 
 use super::{Facet, Mesh, NONE};
-use ringlight_visibility::{Bitmap, Filter, Hierarchy, OPAQUE, Triangle};
+use crate::column::Column;
+use bytemuck::{Pod, Zeroable};
+use ringlight_visibility::{Bitmap, Filter, Hierarchy, Layout, OPAQUE, Triangle};
 use std::sync::Arc;
 
 /// Cut-out bitmaps, and how facets are covered.
@@ -13,8 +15,18 @@ pub struct Occluder {
     pub cutout: Vec<Option<u32>>,
     /// Cut-out bitmaps.
     pub bitmaps: Vec<Arc<Bitmap>>,
-    /// Share of light blocked by facets of textured see-through surfaces: (facet, share), sorted by facet.
-    pub facet_coverage: Vec<(u32, f32)>,
+    /// Share of light blocked by facets of textured see-through surfaces, sorted by facet.
+    pub facet_coverage: Column<FacetCoverage>,
+}
+
+/// How a textured see-through facet is covered.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FacetCoverage {
+    /// Number of the facet.
+    pub facet: u32,
+    /// Share of light that it blocks.
+    pub share: f32,
 }
 
 /// A see-through surface that blocks at least this much is opaque.
@@ -26,8 +38,8 @@ pub const CLEAR_COVERAGE: f32 = 0.01;
 impl Occluder {
     /// Share of light that facet number `f` blocks.
     pub fn coverage(&self, f: u32, facet: &Facet) -> f32 {
-        match self.facet_coverage.binary_search_by_key(&f, |&(facet, _)| facet) {
-            Ok(i) => self.facet_coverage[i].1,
+        match self.facet_coverage.binary_search_by_key(&f, |c| c.facet) {
+            Ok(i) => self.facet_coverage[i].share,
             Err(_) => self.coverage[facet.surface as usize],
         }
     }
@@ -39,19 +51,20 @@ pub fn hierarchy(mesh: &Mesh) -> Hierarchy {
 }
 
 /// The hierarchy over some facets: triangle ids are twice the facet's number, plus 1 for a quadrilateral's second half.
-pub fn hierarchy_of(mesh: &Mesh, facets: impl Iterator<Item = u32>) -> Hierarchy {
-    let mut triangles = Vec::with_capacity(facets.size_hint().0 * 2);
+pub fn hierarchy_of(mesh: &Mesh, numbers: impl Iterator<Item = u32> + Clone) -> Hierarchy {
+    let facets: &[Facet] = &mesh.facets;
+    let blocking = || {
+        let facets = numbers.clone().map(|f| (f, &facets[f as usize]));
+        facets.map(|(f, facet)| (f, facet, mesh.occluder.coverage(f, facet))).filter(|b| b.2 >= CLEAR_COVERAGE)
+    };
+    let halves = |facet: &Facet| if facet.layout() == Layout::Quad { 2 } else { 1 };
+    // Counted first: what is reserved and not used would count where memory is limited.
+    let mut triangles = Vec::with_capacity(blocking().map(|(_, facet, _)| halves(facet)).sum());
     let mut filters = Vec::new();
-    for f in facets {
-        let facet = &mesh.facets[f as usize];
-        let coverage = mesh.occluder.coverage(f, facet);
-        if coverage < CLEAR_COVERAGE {
-            continue;
-        }
+    for (f, facet, coverage) in blocking() {
         let c = facet.corners.map(|c| c.to_array());
-        let quad = facet.corners[3] != facet.corners[0];
         let cutout = mesh.occluder.cutout[facet.surface as usize].filter(|_| facet.base_uv != NONE);
-        for (half, [i, j, k]) in [[0, 1, 2], [0, 2, 3]].into_iter().enumerate().take(1 + usize::from(quad)) {
+        for (half, [i, j, k]) in [[0, 1, 2], [0, 2, 3]].into_iter().enumerate().take(halves(facet)) {
             let filter = if let Some(bitmap) = cutout {
                 let uv = mesh.base_uv[facet.base_uv as usize];
                 filters.push(Filter::Cutout {

@@ -1,9 +1,15 @@
 //! Triangles that pair into planar convex quadrilaterals become one facet.
 
+use super::NONE;
+use crate::column::{Column, Store};
+use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use std::io;
 
 /// A triangle in mesh coordinates with its attributes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub struct Corner {
     /// Position, metres.
     pub position: Vec3,
@@ -27,37 +33,89 @@ pub struct Polygon {
 /// Largest distance of the fourth corner from the plane of the other three, relative to the longest edge.
 const PLANAR: f32 = 1e-4;
 
-/// Pairs neighbouring triangles of one surface, in file order, each with the neighbour that makes the quadrilateral
-/// nearest to a rectangle.
-pub fn pair(triangles: &[[Corner; 3]]) -> Vec<Polygon> {
-    let neighbours = Neighbours::find(triangles);
-    let mut taken = vec![false; triangles.len()];
-    let mut polygons = Vec::with_capacity(triangles.len());
-    for (i, triangle) in triangles.iter().enumerate() {
-        if taken[i] {
-            continue;
-        }
-        let mut best: Option<(f32, usize, [Corner; 4])> = None;
-        for (edge, j) in neighbours.of(i) {
-            if taken[j] || j <= i {
+/// Pairs triangles; its columns serve one surface after another.
+pub struct Pairing {
+    edges: Column<Edge>,
+    /// For each triangle edge, the triangle on its other side when there is exactly one, else [`NONE`].
+    neighbours: Column<[u32; 3]>,
+    /// Whether a triangle is part of a quadrilateral already.
+    taken: Column<u8>,
+}
+
+/// An edge of a triangle.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
+#[repr(C)]
+struct Edge {
+    key: u64,
+    /// Thrice the triangle, plus the number of the edge.
+    number: u64,
+}
+
+impl Pairing {
+    /// With columns in `store`.
+    pub fn new(store: Store<'_>) -> io::Result<Pairing> {
+        Ok(Pairing { edges: store.column()?, neighbours: store.column()?, taken: store.column()? })
+    }
+
+    /// Pairs neighbouring triangles of one surface, in file order, each with the neighbour that makes the quadrilateral
+    /// nearest to a rectangle.
+    pub fn pair(
+        &mut self,
+        triangles: &[[Corner; 3]],
+        mut sink: impl FnMut(&Polygon) -> io::Result<()>,
+    ) -> io::Result<()> {
+        self.find_neighbours(triangles)?;
+        self.taken.clear();
+        self.taken.resize(triangles.len(), 0)?;
+        let (neighbours, taken): (&[_], &mut [_]) = (&self.neighbours, &mut self.taken);
+        for (i, triangle) in triangles.iter().enumerate() {
+            if taken[i] != 0 {
                 continue;
             }
-            if let Some((score, corners)) = join(triangle, edge, &triangles[j])
-                && best.as_ref().is_none_or(|b| score > b.0)
-            {
-                best = Some((score, j, corners));
+            let mut best: Option<(f32, usize, [Corner; 4])> = None;
+            for (edge, &j) in neighbours[i].iter().enumerate().filter(|&(_, &j)| j != NONE) {
+                let j = j as usize;
+                if taken[j] != 0 || j <= i {
+                    continue;
+                }
+                if let Some((score, corners)) = join(triangle, edge, &triangles[j])
+                    && best.as_ref().is_none_or(|b| score > b.0)
+                {
+                    best = Some((score, j, corners));
+                }
+            }
+            let [a, b, c] = *triangle;
+            sink(&match best {
+                Some((_, j, corners)) => {
+                    taken[j] = 1;
+                    Polygon { corners, triangle: false }
+                }
+                None => Polygon { corners: [a, b, c, a], triangle: true },
+            })?;
+        }
+        Ok(())
+    }
+
+    fn find_neighbours(&mut self, triangles: &[[Corner; 3]]) -> io::Result<()> {
+        self.edges.clear();
+        self.edges.reserve(triangles.len() * 3)?;
+        for (i, t) in (0..).zip(triangles) {
+            let key = |e: usize| edge_key(t[e].position, t[(e + 1) % 3].position);
+            self.edges.extend_from_slice(&[0, 1, 2].map(|e| Edge { key: key(e), number: i * 3 + e as u64 }))?;
+        }
+        self.edges.par_sort_unstable();
+        self.neighbours.clear();
+        self.neighbours.resize(triangles.len(), [NONE; 3])?;
+        let found: &mut [[u32; 3]] = &mut self.neighbours;
+        for run in self.edges.chunk_by(|a, b| a.key == b.key) {
+            if let [a, b] = *run {
+                for (one, other) in [(a.number, b.number), (b.number, a.number)] {
+                    found[one as usize / 3][one as usize % 3] = (other / 3) as u32;
+                }
             }
         }
-        let [a, b, c] = *triangle;
-        polygons.push(match best {
-            Some((_, j, corners)) => {
-                taken[j] = true;
-                Polygon { corners, triangle: false }
-            }
-            None => Polygon { corners: [a, b, c, a], triangle: true },
-        });
+        Ok(())
     }
-    polygons
 }
 
 /// The quadrilateral of `a` and `b` over edge `edge` of `a`, with a score (1 for a rectangle), if they make a planar
@@ -115,33 +173,6 @@ fn runs_on(c: &[Corner; 4]) -> bool {
         && affine(|x| Vec2::new(x.colour[2], x.colour[3]), 1.0)
 }
 
-/// For each triangle edge, the triangle on its other side, when there is exactly one.
-struct Neighbours(Vec<[u32; 3]>);
-
-impl Neighbours {
-    fn find(triangles: &[[Corner; 3]]) -> Neighbours {
-        let mut edges: Vec<(u64, u32)> = Vec::with_capacity(triangles.len() * 3);
-        for (i, t) in triangles.iter().enumerate() {
-            for e in 0..3 {
-                edges.push((edge_key(t[e].position, t[(e + 1) % 3].position), (i * 3 + e) as u32));
-            }
-        }
-        edges.sort_unstable();
-        let mut found = vec![[u32::MAX; 3]; triangles.len()];
-        for run in edges.chunk_by(|a, b| a.0 == b.0) {
-            if let [(_, a), (_, b)] = *run {
-                found[a as usize / 3][a as usize % 3] = b / 3;
-                found[b as usize / 3][b as usize % 3] = a / 3;
-            }
-        }
-        Neighbours(found)
-    }
-
-    fn of(&self, triangle: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
-        self.0[triangle].iter().enumerate().filter(|&(_, &t)| t != u32::MAX).map(|(e, &t)| (e, t as usize))
-    }
-}
-
 /// A hash of an undirected edge; the caller compares positions, so that a collision only loses a pair.
 fn edge_key(a: Vec3, b: Vec3) -> u64 {
     let hash = |p: Vec3| {
@@ -161,10 +192,22 @@ mod tests {
         Corner { position: Vec3::new(x, y, z), base_uv: [0.0; 2], emission_uv: [0.0; 2], colour: [1.0; 4] }
     }
 
+    fn paired(triangles: &[[Corner; 3]]) -> Vec<Polygon> {
+        let mut polygons = Vec::new();
+        let mut pairing = Pairing::new(Store::Heap).unwrap();
+        pairing
+            .pair(triangles, |&polygon| {
+                polygons.push(polygon);
+                Ok(())
+            })
+            .unwrap();
+        polygons
+    }
+
     #[test]
     fn two_triangles_of_a_square_become_one_quadrilateral() {
         let [a, b, c, d] = [corner(0., 0., 0.), corner(2., 0., 0.), corner(2., 1., 0.), corner(0., 1., 0.)];
-        let polygons = pair(&[[a, b, c], [a, c, d]]);
+        let polygons = paired(&[[a, b, c], [a, c, d]]);
         assert_eq!(polygons.len(), 1);
         assert!(!polygons[0].triangle);
     }
@@ -172,10 +215,10 @@ mod tests {
     #[test]
     fn bent_concave_or_differently_textured_pairs_stay_triangles() {
         let [a, b, c] = [corner(0., 0., 0.), corner(2., 0., 0.), corner(2., 1., 0.)];
-        assert_eq!(pair(&[[a, b, c], [a, c, corner(0., 1., 0.1)]]).len(), 2);
-        assert_eq!(pair(&[[a, b, c], [a, c, corner(3., 2., 0.)]]).len(), 2);
+        assert_eq!(paired(&[[a, b, c], [a, c, corner(0., 1., 0.1)]]).len(), 2);
+        assert_eq!(paired(&[[a, b, c], [a, c, corner(3., 2., 0.)]]).len(), 2);
         let mut other = a;
         other.base_uv = [1.0, 1.0];
-        assert_eq!(pair(&[[a, b, c], [other, c, corner(0., 1., 0.)]]).len(), 2);
+        assert_eq!(paired(&[[a, b, c], [other, c, corner(0., 1., 0.)]]).len(), 2);
     }
 }

@@ -1,7 +1,9 @@
 //! Patch and element sizes: asked for, or chosen from the scene.
 
 use super::Facet;
+use crate::column::Store;
 use serde::{Deserialize, Serialize};
+use std::io;
 
 /// How fine the defaults are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -79,28 +81,39 @@ pub fn grids(lengths: [f64; 2], sizes: &Sizes) -> ([u16; 2], [u16; 2]) {
 /// Sizes for the facets of a scene: those asked for, else by quality. The element size is the one at which the facets'
 /// area would give the quality's number of elements, no facet counting for much more of it than a twelfth (or its equal share
 /// among fewer facets), so that a field outside does not coarsen the room inside.
-pub fn choose(facets: &[Facet], quality: Quality, patch: Option<f64>, element: Option<f64>) -> Sizes {
+pub fn choose(
+    facets: &[Facet],
+    quality: Quality,
+    [patch, element]: [Option<f64>; 2],
+    store: Store<'_>,
+) -> io::Result<Sizes> {
     let target = quality.target_elements();
     let asked = patch.is_some() || element.is_some();
     // Half as much again as an equal share, so that the target can be reached.
     let limit = 1.5 * target / (facets.len() as f64).clamp(1.0, 12.0);
     let facet_limit = if asked { u32::MAX } else { limit as u32 };
-    let element = element.or(patch.map(|p| p / ELEMENTS_PER_PATCH)).unwrap_or_else(|| {
-        let areas: Vec<f64> = facets
-            .iter()
-            .map(|f| f.frame().area_vector().length() * if f.double_sided() { 2.0 } else { 1.0 })
-            .collect();
-        // Bisection for the size; elements that a facet has anyway (one) do not count.
-        let (mut low, mut high) = (1e-9, 1e9);
-        for _ in 0..100 {
-            let middle = f64::sqrt(low * high);
-            let count: f64 = areas.iter().map(|a| (a / (middle * middle) - 1.0).clamp(0.0, limit)).sum();
-            if count > target { low = middle } else { high = middle }
+    let element = match element.or(patch.map(|p| p / ELEMENTS_PER_PATCH)) {
+        Some(element) => element,
+        None => {
+            let mut areas = store.column()?;
+            let sides = |f: &Facet| if f.double_sided() { 2.0 } else { 1.0 };
+            areas.extend(facets.iter().map(|f| f.frame().area_vector().length() * sides(f)))?;
+            round_size(size_of_elements(&areas, target, limit))
         }
-        round_size(f64::sqrt(low * high))
-    });
+    };
     let patch = patch.unwrap_or(ELEMENTS_PER_PATCH * element).max(element);
-    Sizes { patch, element, facet_limit }
+    Ok(Sizes { patch, element, facet_limit })
+}
+
+/// Bisection for the size; elements that a facet has anyway (one) do not count.
+fn size_of_elements(areas: &[f64], target: f64, limit: f64) -> f64 {
+    let (mut low, mut high) = (1e-9, 1e9);
+    for _ in 0..100 {
+        let middle = f64::sqrt(low * high);
+        let count: f64 = areas.iter().map(|a| (a / (middle * middle) - 1.0).clamp(0.0, limit)).sum();
+        if count > target { low = middle } else { high = middle }
+    }
+    f64::sqrt(low * high)
 }
 
 /// Two significant digits: sizes that people can say, and that do not depend on the last bit of an area.
@@ -130,7 +143,7 @@ mod tests {
         let corners = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 0.0, -1.0), Vec3::NEG_Z];
         let facet = Facet { corners, first_back_patch: crate::mesh::NONE, ..bytemuck::Zeroable::zeroed() };
         for count in 1..20 {
-            let sizes = choose(&vec![facet; count], Quality::Draft, None, None);
+            let sizes = choose(&vec![facet; count], Quality::Draft, [None; 2], Store::Heap).unwrap();
             assert!(sizes.element > 0.005 && sizes.element < 0.1, "{count} facets: {sizes:?}");
         }
     }

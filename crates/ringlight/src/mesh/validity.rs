@@ -41,7 +41,7 @@ const SMALL: f64 = 0.25;
 /// Fills [`Mesh::valid`].
 pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Hierarchy) {
     let mut valid = std::mem::take(&mut mesh.valid);
-    let mut rest = valid.as_mut_slice();
+    let mut rest = &mut valid[..];
     let mut parts = Vec::with_capacity(mesh.clusters.len());
     for cluster in &mesh.clusters {
         let (part, tail) = rest.split_at_mut(cluster.elements.len());

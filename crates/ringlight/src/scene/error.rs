@@ -25,7 +25,7 @@ impl fmt::Display for Place {
     }
 }
 
-/// A scene that cannot be used.
+/// A scene that cannot be used, or, if it is no fault of the scene's, cannot be read here.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{place}: {found}; expected {expected}")]
 pub struct SceneError {
@@ -35,12 +35,22 @@ pub struct SceneError {
     pub found: String,
     /// What was expected instead.
     pub expected: String,
+    /// Whether it is for want of scratch memory, and no fault of the scene's.
+    pub lacks_memory: bool,
+}
+
+impl From<std::io::Error> for SceneError {
+    /// Of scratch memory: nothing else that may fail is asked for while a scene is read and cut.
+    fn from(error: std::io::Error) -> SceneError {
+        let found = format!("no scratch memory: {error}");
+        SceneError { lacks_memory: true, ..SceneError::new(Place::default(), found, "room for what the scene needs") }
+    }
 }
 
 impl SceneError {
     /// An error at `place`.
     pub fn new(place: Place, found: impl Into<String>, expected: impl Into<String>) -> SceneError {
-        SceneError { place, found: found.into(), expected: expected.into() }
+        SceneError { place, found: found.into(), expected: expected.into(), lacks_memory: false }
     }
 }
 

@@ -2,10 +2,12 @@
 
 use super::joining::{Part, join};
 use super::{Occluder, Polygon};
+use crate::column::Store;
 use crate::mesh::{CLEAR_COVERAGE, Planes};
 use crate::scene::{Alpha, Material, Place, Scene, SceneError, Warnings};
 use glam::DVec3;
 use std::collections::BTreeMap;
+use std::io;
 use std::ops::Range;
 
 /// What has a row.
@@ -82,7 +84,7 @@ impl Faces {
             let place = Place::new(scene.name.clone(), "");
             return Err(SceneError::new(place, "no triangle with an area", "a face to see or be seen"));
         }
-        let planes = move_to_origin_and_find_planes(&mut pieces);
+        let planes = move_to_origin_and_find_planes(&mut pieces)?;
         faces.blockers =
             pieces.iter().zip(&planes).map(|(piece, &plane)| Occluder { corners: piece.corners, plane }).collect();
         // The numbers of faces rise within a surface but not over the surfaces of an object.
@@ -169,7 +171,7 @@ fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
 }
 
 /// Takes the scene near the origin where it lies far from it, and gives the plane ids of the pieces.
-fn move_to_origin_and_find_planes(pieces: &mut [Piece]) -> Vec<u32> {
+fn move_to_origin_and_find_planes(pieces: &mut [Piece]) -> io::Result<Vec<u32>> {
     let corners = || pieces.iter().flat_map(|piece| piece.corners);
     let low = corners().fold(DVec3::INFINITY, DVec3::min);
     let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -187,8 +189,10 @@ fn move_to_origin_and_find_planes(pieces: &mut [Piece]) -> Vec<u32> {
     let areas: Vec<f64> = (0..pieces.len()).map(|i| area_vector(i).length_squared()).collect();
     order.sort_by(|&a, &b| areas[b].total_cmp(&areas[a]).then(a.cmp(&b)));
     let reach = pieces.iter().flat_map(|piece| piece.corners).map(DVec3::length).fold(0.0, f64::max);
-    let mut planes = Planes::new(PLANE_TOLERANCE * diagonal, reach);
+    let mut planes = Planes::new(PLANE_TOLERANCE * diagonal, reach, Store::Heap)?;
     let mut ids = vec![0; pieces.len()];
-    order.iter().for_each(|&i| ids[i] = planes.id(&pieces[i].corners, area_vector(i)));
-    ids
+    for i in order {
+        ids[i] = planes.id(&pieces[i].corners, area_vector(i))?;
+    }
+    Ok(ids)
 }

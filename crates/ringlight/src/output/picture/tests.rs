@@ -202,7 +202,7 @@ fn textures_are_shown_in_full_although_elements_know_their_mean_only() {
     solution.description.materials[material].base_texture = Some(texture);
     // u grows with x.
     let facet = solution.mesh.facets.iter_mut().find(|f| f.surface as usize == surface).unwrap();
-    solution.mesh.base_uv = vec![facet.corners.map(|c| [(c.x + 2.0) / 4.2, 0.0])];
+    solution.mesh.base_uv = vec![facet.corners.map(|c| [(c.x + 2.0) / 4.2, 0.0])].into();
     facet.base_uv = 0;
     let view = towards([0.1, 1.0, 0.9], [0.1, 0.0, 0.89]);
     let picture = render(&solution, &hierarchy, &options(view));

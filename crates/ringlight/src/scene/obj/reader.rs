@@ -3,9 +3,12 @@
 use super::lines::{At, Lines, local_path, quoted, statement, text, words};
 use super::material::{self, Definition};
 use super::polygon::Triangulator;
+use crate::column::{Column, Store};
 use crate::resources::Resources;
 use crate::scene::{Node, Place, SceneError, Warnings};
+use bytemuck::{Pod, Zeroable};
 use std::collections::{HashMap, HashSet};
+use std::io;
 
 /// Stands for a corner without texture coordinates.
 pub(super) const NONE: u32 = u32::MAX;
@@ -18,6 +21,7 @@ pub(super) struct Reader<'a> {
     resources: &'a dyn Resources,
     unit_in_metres: f64,
     pub(super) vertices: Vertices,
+    pub(super) triangles: Triangles,
     pub(super) parts: Vec<Part>,
     pub(super) nodes: Vec<Node>,
     /// Names given by `usemtl`, as far as faces use them; the empty one stands for none.
@@ -33,14 +37,37 @@ pub(super) struct Reader<'a> {
 }
 
 /// What faces refer to.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Vertices {
     /// Metres.
-    pub(super) positions: Vec<[f64; 3]>,
+    pub(super) positions: Column<[f64; 3]>,
     /// Empty, or one for each position.
-    pub(super) colours: Vec<[f32; 3]>,
+    pub(super) colours: Column<[f32; 3]>,
     /// As in the file: v runs upwards.
-    pub(super) coordinates: Vec<[f32; 2]>,
+    pub(super) coordinates: Column<[f32; 2]>,
+}
+
+/// Triangles in the order of the file.
+#[derive(Debug)]
+pub(super) struct Triangles {
+    /// Indices into the positions.
+    pub(super) corners: Column<[u32; 3]>,
+    /// For each triangle the number of its `f` statement in the file.
+    pub(super) faces: Column<u32>,
+    /// For each triangle indices into the texture coordinates, or [`NONE`]; the last triangles may have none.
+    pub(super) coordinates: Column<[u32; 3]>,
+    /// Triangles of one part that follow each other.
+    pub(super) runs: Column<Run>,
+}
+
+/// Triangles of one part that follow each other in the file.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Run {
+    pub(super) first: u32,
+    pub(super) count: u32,
+    /// The next run of the same part, or [`NONE`].
+    pub(super) next: u32,
 }
 
 /// The triangles of one material in one object or group.
@@ -49,12 +76,54 @@ pub(super) struct Part {
     pub(super) node: u32,
     pub(super) material: u32,
     pub(super) place: Place,
-    /// Indices into the positions.
-    pub(super) triangles: Vec<[u32; 3]>,
-    /// For each triangle the number of its `f` statement in the file.
-    pub(super) faces: Vec<u32>,
-    /// Empty, or for each triangle indices into the texture coordinates, or [`NONE`].
-    pub(super) coordinates: Vec<[u32; 3]>,
+    /// Number of triangles.
+    pub(super) triangles: u32,
+    /// First and last run of triangles, or [`NONE`].
+    pub(super) runs: [u32; 2],
+}
+
+impl Triangles {
+    fn new(store: Store<'_>) -> io::Result<Triangles> {
+        Ok(Triangles {
+            corners: store.column()?,
+            faces: store.column()?,
+            coordinates: store.column()?,
+            runs: store.column()?,
+        })
+    }
+
+    /// Adds a triangle of the face `face` with its positions and coordinates.
+    fn push(&mut self, part: &mut Part, face: u32, corners: [[u32; 2]; 3]) -> io::Result<()> {
+        let number = self.corners.len() as u32;
+        let here = self.runs.len() as u32;
+        match self.runs.last_mut() {
+            // The file's last run goes on if it is this part's.
+            Some(run) if part.runs[1] == here.wrapping_sub(1) => run.count += 1,
+            _ => {
+                match std::mem::replace(&mut part.runs[1], here) {
+                    NONE => part.runs[0] = here,
+                    last => self.runs[last as usize].next = here,
+                }
+                self.runs.push(Run { first: number, count: 1, next: NONE })?;
+            }
+        }
+        part.triangles += 1;
+        self.corners.push(corners.map(|corner| corner[0]))?;
+        self.faces.push(face)?;
+        let coordinates = corners.map(|corner| corner[1]);
+        if coordinates != [NONE; 3] {
+            self.coordinates.resize(number as usize, [NONE; 3])?;
+            self.coordinates.push(coordinates)?;
+        }
+        Ok(())
+    }
+
+    /// The numbers of the triangles of a part, in the order of the file.
+    pub(super) fn of(&self, part: &Part) -> impl Iterator<Item = usize> {
+        let runs: &[Run] = &self.runs;
+        let all = std::iter::successors(runs.get(part.runs[0] as usize), |run| runs.get(run.next as usize));
+        all.flat_map(|run| run.first as usize..(run.first + run.count) as usize)
+    }
 }
 
 /// Names in force, and what has been seen under which name.
@@ -79,10 +148,12 @@ impl<'a> Reader<'a> {
         resources: &'a dyn Resources,
         unit_in_metres: f64,
     ) -> Result<Reader<'a>, SceneError> {
+        let store = resources.store();
         let mut reader = Reader {
             resources,
             unit_in_metres,
-            vertices: Vertices::default(),
+            vertices: Vertices { positions: store.column()?, colours: store.column()?, coordinates: store.column()? },
+            triangles: Triangles::new(store)?,
             parts: Vec::new(),
             nodes: Vec::new(),
             materials: Vec::new(),
@@ -157,12 +228,12 @@ impl<'a> Reader<'a> {
                 let message = "vertex colours are limited to the range from 0 to 1";
                 self.warnings.add("vertex-colour-range", message, at.place());
             }
-            vertices.colours.resize(vertices.positions.len(), [1.0; 3]);
-            vertices.colours.push(colour.map(|channel| channel.clamp(0.0, 1.0)));
+            vertices.colours.resize(vertices.positions.len(), [1.0; 3])?;
+            vertices.colours.push(colour.map(|channel| channel.clamp(0.0, 1.0)))?;
         } else if !vertices.colours.is_empty() {
-            vertices.colours.push([1.0; 3]);
+            vertices.colours.push([1.0; 3])?;
         }
-        vertices.positions.push(position);
+        vertices.positions.push(position)?;
         Ok(())
     }
 
@@ -173,7 +244,7 @@ impl<'a> Reader<'a> {
         if self.vertices.coordinates.len() >= NONE as usize {
             return Err(at.error("one texture coordinate too many", "fewer than 2^32"));
         }
-        self.vertices.coordinates.push([u as f32, v.unwrap_or(0.0) as f32]);
+        self.vertices.coordinates.push([u as f32, v.unwrap_or(0.0) as f32])?;
         Ok(())
     }
 
@@ -202,21 +273,17 @@ impl<'a> Reader<'a> {
             None => self.find_part(at),
         };
         self.names.part = Some(part);
-        let Part { triangles, faces, coordinates, .. } = &mut self.parts[part];
-        let has_coordinates = self.face.iter().any(|corner| corner[1] != NONE);
-        if has_coordinates {
-            coordinates.resize(triangles.len(), [NONE; 3]);
+        if self.triangles.corners.len() + self.face.len() >= NONE as usize {
+            return Err(at.error("one triangle too many", "fewer than 2^32"));
         }
-        let keeps_coordinates = has_coordinates || !coordinates.is_empty();
+        let part = &mut self.parts[part];
+        let mut kept = Ok(());
         self.triangulator.triangulate(&self.corners, |triangle| {
-            let corners = triangle.map(|corner| self.face[corner as usize]);
-            triangles.push(corners.map(|corner| corner[0]));
-            faces.push(number);
-            if keeps_coordinates {
-                coordinates.push(corners.map(|corner| corner[1]));
+            if kept.is_ok() {
+                kept = self.triangles.push(part, number, triangle.map(|corner| self.face[corner as usize]));
             }
         });
-        Ok(())
+        Ok(kept?)
     }
 
     /// The part of the names in force; makes it, its material and its nodes if they are new.
@@ -232,8 +299,7 @@ impl<'a> Reader<'a> {
             }
         };
         *self.names.parts.entry((node, material)).or_insert_with(|| {
-            let (triangles, faces, coordinates) = Default::default();
-            self.parts.push(Part { node, material, place: at.place(), triangles, faces, coordinates });
+            self.parts.push(Part { node, material, place: at.place(), triangles: 0, runs: [NONE; 2] });
             self.parts.len() - 1
         })
     }
