@@ -188,10 +188,10 @@ fn memory(mesh: &Mesh) -> u64 {
     let elements = mesh.element_count() * (size_of::<ElementLight>() + size_of::<u16>());
     let patches = mesh.patch_count() * (size_of::<u32>() + size_of::<PatchLight>());
     let facets = mesh.facets.len() * size_of::<Facet>();
-    let textured = size_of_val(&mesh.base_uv[..])
-        + size_of_val(&mesh.emission_uv[..])
-        + size_of_val(&mesh.vertex_colours[..])
-        + size_of_val(&mesh.colours[..]);
+    let textured = size_of_val(mesh.base_uv.as_slice())
+        + size_of_val(mesh.emission_uv.as_slice())
+        + size_of_val(mesh.vertex_colours.as_slice())
+        + size_of_val(mesh.colours.as_slice());
     (elements + patches + facets + textured) as u64 + occluding_triangles(mesh) * 2 * size_of::<Triangle>() as u64
 }
 
