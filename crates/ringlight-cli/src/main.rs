@@ -28,6 +28,7 @@ use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    machine::watch_private_memory();
     let arguments = Arguments::parse();
     panic::set_hook(Box::new(|panic| {
         complain(&format!("this is a bug in ringlight: {panic}; please report it with the command line"));
