@@ -145,8 +145,9 @@ impl Meshed {
 
     /// What is solved, with these settings.
     pub fn world_of(&self, settings: SolveSettings) -> Whole<'_> {
-        let ring = Ring::alone(&self.mesh, self.hierarchy.clone());
-        Whole { world: World::new(&ring, &self.scene.lights, settings), hierarchy: self.hierarchy.clone() }
+        let (mut ring, ranks) = (Ring::alone(&self.mesh, self.hierarchy.clone()), &mut Communicator::alone());
+        let world = World::new(&mut ring, &self.scene.lights, settings, ranks).expect("one rank does not fail");
+        Whole { world, hierarchy: self.hierarchy.clone() }
     }
 
     /// All elements that are not wholly covered: their patch, number, lit area in m², and light.

@@ -48,7 +48,7 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     let hierarchy = Arc::new(hierarchy);
     let ranks = &mut Communicator::alone();
     let mut ring = Ring::alone(&mesh, hierarchy.clone());
-    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
+    let world = run.stage(Stage::Build, |_| World::new(&mut ring, &description.lights, settings, ranks))?;
     let state = State::new(&world, ranks)?;
     if state.emitted <= 0.0 {
         let mut dark = Warnings::default();

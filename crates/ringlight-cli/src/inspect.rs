@@ -216,7 +216,7 @@ fn forecast(scene: &Scene, mut mesh: Mesh, settings: SolveSettings, arguments: &
         mesh::find_valid_samples(&mut mesh, &hierarchy);
         let ranks = &mut Communicator::alone();
         let mut ring = Ring::alone(&mesh, Arc::new(hierarchy));
-        let world = World::new(&ring, &scene.lights, settings);
+        let world = World::new(&mut ring, &scene.lights, settings, ranks)?;
         let mut state = State::new(&world, ranks)?;
         let rule = StopRule { until: arguments.until, max_shots: None };
         let start = Instant::now();

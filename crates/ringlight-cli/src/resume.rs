@@ -29,7 +29,7 @@ pub fn resume(arguments: &Resume) -> Result<End, Failure> {
     let hierarchy = Arc::new(hierarchy);
     let ranks = &mut Communicator::alone();
     let mut ring = Ring::alone(&mesh, hierarchy.clone());
-    let world = run.stage(Stage::Build, |_| World::new(&ring, &description.lights, settings));
+    let world = run.stage(Stage::Build, |_| World::new(&mut ring, &description.lights, settings, ranks))?;
     if state.emitters_shot as usize > world.emitters.len() {
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }

@@ -3,7 +3,7 @@
 use crate::build::{Bounds, Node, build};
 use crate::plan::Plan;
 use crate::predicate::is_sliver;
-use crate::{Filter, InstructionSet, OPAQUE, Points, Shooter, Triangle, mask, nearest};
+use crate::{Filter, InstructionSet, OPAQUE, Points, PreparedShooter, Shooter, Triangle, mask, nearest};
 
 /// Counts of work done, for reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,7 +28,7 @@ impl Tally {
 }
 
 /// A ray for [`Hierarchy::nearest_hit`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
     /// Start, metres.
     pub origin: [f32; 3],
@@ -53,6 +53,15 @@ pub struct Hit {
     pub barycentric: [f32; 2],
     /// Whether the ray came from the side from which the corners run counter-clockwise.
     pub front: bool,
+}
+
+impl Hit {
+    /// Whether it is to be reported rather than `other`: the nearer, then the lower id. The nearest hits of several
+    /// hierarchies that share a scene's triangles, joined by this, are that of one hierarchy over all, in any order.
+    #[inline(always)]
+    pub fn is_nearer(&self, other: &Option<Hit>) -> bool {
+        other.is_none_or(|o| self.distance < o.distance || self.distance == o.distance && self.triangle < o.triangle)
+    }
 }
 
 /// Occluders, ordered for search.
@@ -96,16 +105,20 @@ impl Hierarchy {
     ///
     /// Runs on the calling thread, and fastest when points that follow each other are near each other.
     pub fn clear_blocked(&self, shooter: &Shooter, points: Points<'_>, masks: &mut [u64]) -> Tally {
+        self.clear_blocked_of(&PreparedShooter::new(shooter), points, masks)
+    }
+
+    /// The same for a shooter that is asked about again and again.
+    pub fn clear_blocked_of(&self, shooter: &PreparedShooter, points: Points<'_>, masks: &mut [u64]) -> Tally {
         assert!(
             [points.y.len(), points.z.len(), points.plane.len(), masks.len()].iter().all(|&n| n == points.len()),
             "coordinates, planes and masks must be as many as the points"
         );
-        if shooter.cells.is_empty() {
+        let Some(plan) = shooter.plan() else {
             let masks = masks.len() as u64;
             return Tally { rays: 0, masks, masks_without_rays: masks };
-        }
-        let plan = Plan::new(shooter);
-        self.instruction_set.run(mask::Clear { hierarchy: self, plan: &plan, points, masks })
+        };
+        self.instruction_set.run(mask::Clear { hierarchy: self, plan, points, masks })
     }
 
     /// The nearest hit of `ray`; cutouts let it through their holes, screens are hit.

@@ -29,6 +29,7 @@ mod triangle;
 
 pub use hierarchy::{Hierarchy, Hit, Ray, Tally};
 pub use instruction_set::InstructionSet;
+pub use plan::PreparedShooter;
 pub use region::HalfSpace;
 pub use shaft_region::Region;
 pub use shooter::{Cells, Grid, Layout, Shooter};

@@ -3,7 +3,7 @@
 use crate::build::{Child, Node, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::lanes::{Lanes, splat};
-use crate::predicate::{Prepared, SHAFT_MARGIN, is_nearer, ray_hit};
+use crate::predicate::{Prepared, SHAFT_MARGIN, norm, pass, ray_hit, sub};
 use crate::{Hierarchy, Hit, NO_PLANE, Ray, Triangle};
 
 /// The work of [`Hierarchy::nearest_hit_where`].
@@ -39,7 +39,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
                             continue;
                         }
                         if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
-                            && is_nearer(&hit, &best)
+                            && hit.is_nearer(&best)
                             && accept(triangle)
                         {
                             best = Some(hit);
@@ -67,6 +67,16 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
             }
         }
         best
+    }
+}
+
+impl Ray {
+    /// Whether it may hit a triangle in the box from `low` to `high` no farther than `far`: never false where
+    /// [`Hierarchy::nearest_hit`] finds such a hit. The box grows with its distance, as those of the hierarchy do.
+    pub fn may_hit(&self, low: [f32; 3], high: [f32; 3], far: f32) -> bool {
+        let (low, high) = (sub(low, self.origin), sub(high, self.origin));
+        let margin = norm(std::array::from_fn(|i| low[i].abs().max(high[i].abs()))) * SHAFT_MARGIN;
+        pass((low.map(|c| c - margin), high.map(|c| c + margin)), self.direction, far.min(self.far)).is_some()
     }
 }
 

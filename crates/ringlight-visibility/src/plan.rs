@@ -1,7 +1,7 @@
 //! A shooter made ready for the predicate: its cells, and the functions of them that the predicate asks for.
 
 use crate::predicate::{BOX_MARGIN, Prepared, Vector, dot, norm, pass, sub};
-use crate::{Cells, Layout, MAX_CELLS, Shooter};
+use crate::{Cells, Layout, MAX_CELLS, NO_PLANE, Shooter};
 
 /// How the cells are evaluated. What the predicate computes depends on this, never on lanes or instruction set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +14,27 @@ pub(crate) enum Kind {
     Points,
     /// Cell by cell, at infinity.
     Directions,
+}
+
+/// A shooter that is asked about again and again, with what depends on it alone found once.
+#[derive(Clone, Debug)]
+pub struct PreparedShooter(Option<Box<Plan>>);
+
+impl PreparedShooter {
+    /// Prepares a shooter.
+    pub fn new(shooter: &Shooter) -> PreparedShooter {
+        PreparedShooter((!shooter.cells.is_empty()).then(|| Box::new(Plan::new(shooter))))
+    }
+
+    /// The shooter's plane id, or [`NO_PLANE`].
+    pub fn plane(&self) -> u32 {
+        self.0.as_ref().map_or(NO_PLANE, |plan| plan.plane)
+    }
+
+    /// None if there are no cells.
+    pub(crate) fn plan(&self) -> Option<&Plan> {
+        self.0.as_deref()
+    }
 }
 
 /// A shooter made ready.

@@ -253,8 +253,3 @@ pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray
     );
     Some(Hit { distance: way, triangle: triangle.id, barycentric: [share[1], share[2]], front: (height < 0.0) == even })
 }
-
-/// Whether `a` is to be reported rather than `b`: the nearer, then the lower id.
-pub(crate) fn is_nearer(a: &Hit, b: &Option<Hit>) -> bool {
-    b.is_none_or(|b| a.distance < b.distance || a.distance == b.distance && a.triangle < b.triangle)
-}

@@ -3,7 +3,7 @@
 
 use crate::packet::Candidate;
 use crate::plan::Plan;
-use crate::predicate::{Prepared, is_nearer, is_sliver, ray_hit};
+use crate::predicate::{Prepared, is_sliver, ray_hit};
 use crate::{Filter, Hit, NO_PLANE, OPAQUE, Points, Ray, Shooter, Triangle};
 
 /// Clears in `masks[i]` the bits of the cells that `triangles` hide from `points` i.
@@ -43,7 +43,7 @@ pub fn nearest_hit(triangles: &[Triangle], filters: &[Filter], ray: &Ray) -> Opt
             continue;
         }
         if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), filters, ray)
-            && is_nearer(&hit, &best)
+            && hit.is_nearer(&best)
         {
             best = Some(hit);
         }

@@ -1,9 +1,8 @@
 //! Where occluders may lie.
 
 use crate::build::Bounds;
-use crate::plan::Plan;
 use crate::shaft::{Shaft, extend};
-use crate::{Points, Shooter};
+use crate::{Points, PreparedShooter};
 
 /// A region that holds all triangles that can hide a shooter from points: what lies outside need not be asked. Holders of
 /// a part of a scene's triangles, of whom only a box is known, can so be passed by; the masks are the same.
@@ -12,12 +11,9 @@ pub struct Region(Option<Shaft>);
 impl Region {
     /// Around the points that still see a cell, and the cells that any of them sees. `scene` are the least and greatest
     /// coordinates of all the scene's triangles.
-    pub fn new(shooter: &Shooter, points: Points<'_>, masks: &[u64], scene: [[f32; 3]; 2]) -> Region {
+    pub fn new(shooter: &PreparedShooter, points: Points<'_>, masks: &[u64], scene: [[f32; 3]; 2]) -> Region {
         let union = masks.iter().fold(0, |union, mask| union | mask);
-        if union == 0 || shooter.cells.is_empty() {
-            return Region(None);
-        }
-        let plan = Plan::new(shooter);
+        let Some(plan) = shooter.plan().filter(|_| union != 0) else { return Region(None) };
         let mut around = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
         let mut reach = 0.0f32;
         for i in (0..points.len()).filter(|&i| masks[i] != 0) {
@@ -25,7 +21,7 @@ impl Region {
             reach = reach.max(plan.reach(points.at(i)));
         }
         let scene = Bounds { low: scene[0], high: scene[1] };
-        Region(Some(Shaft::between(&plan, around, reach, union & plan.all, &scene)))
+        Region(Some(Shaft::between(plan, around, reach, union & plan.all, &scene)))
     }
 
     /// Whether triangles in the box from `low` to `high` may hide anything.

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Place, Random, filters, hierarchies, triangles};
 use proptest::prelude::*;
-use ringlight_visibility::{Hierarchy, NO_PLANE, OPAQUE, Ray, Triangle, reference};
+use ringlight_visibility::{Hierarchy, Hit, NO_PLANE, OPAQUE, Ray, Triangle, reference};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 120, failure_persistence: None, ..ProptestConfig::default() })]
@@ -36,6 +36,52 @@ proptest! {
             for (set, hierarchy) in &hierarchies {
                 prop_assert_eq!(hierarchy.nearest_hit(&ray), expected, "seed {}, {:?}, {:?}", seed, set, ray);
             }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 120, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Parts of a scene asked one after the other, those passed by whose box the ray cannot meet.
+    #[test]
+    fn nearest_hits_of_parts_join_to_that_of_the_whole(seed: u64, count in 0usize..400, parts in 1usize..9) {
+        let random = &mut Random(seed);
+        let place = Place::random(random);
+        let filters = filters(random);
+        let triangles = triangles(random, place, count, filters.len());
+        let whole = Hierarchy::build(triangles.clone(), filters.clone());
+        let mut held = vec![Vec::new(); parts];
+        // Small parts last: their boxes are passed by most often.
+        triangles.iter().for_each(|&t| held[random.below(parts).min(random.below(parts))].push(t));
+        let boxes: Vec<[[f32; 3]; 2]> = held
+            .iter()
+            .map(|part| {
+                let corners = || part.iter().flat_map(|t| t.corners);
+                let least = |i: usize| corners().map(|c| c[i]).fold(f32::INFINITY, f32::min);
+                let most = |i: usize| corners().map(|c| c[i]).fold(f32::NEG_INFINITY, f32::max);
+                [std::array::from_fn(least), std::array::from_fn(most)]
+            })
+            .collect();
+        let held: Vec<Hierarchy> = held.into_iter().map(|part| Hierarchy::build(part, filters.clone())).collect();
+        for _ in 0..60 {
+            let lattice = random.below(3) == 0;
+            let origin = place.at(if lattice { random.lattice() } else { random.vector() });
+            let direction = if lattice { random.lattice() } else { random.vector() };
+            let far = if random.below(2) == 0 { f32::INFINITY } else { place.scale };
+            let plane = if random.below(2) == 0 { 1 } else { NO_PLANE };
+            let ray = Ray { origin, direction, near: 0.0, far, plane };
+            let mut best: Option<Hit> = None;
+            for (part, [low, high]) in held.iter().zip(&boxes) {
+                let far = best.map_or(ray.far, |hit| hit.distance);
+                if ray.may_hit(*low, *high, far)
+                    && let Some(hit) = part.nearest_hit(&Ray { far, ..ray })
+                    && hit.is_nearer(&best)
+                {
+                    best = Some(hit);
+                }
+            }
+            prop_assert_eq!(best, whole.nearest_hit(&ray), "seed {}, {:?}", seed, ray);
         }
     }
 }

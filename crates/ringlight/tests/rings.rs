@@ -48,7 +48,7 @@ impl Task {
     }
 
     fn solve(&self, mut ring: Ring<'_>, ranks: &mut Communicator<'_>) -> Result<Part, Failure> {
-        let world = World::new(&ring, &self.lights, self.settings);
+        let world = World::new(&mut ring, &self.lights, self.settings, ranks)?;
         let mut state = State::new(&world, ranks)?;
         let stop = StopRule { until: 1e-3, max_shots: Some(self.shots) };
         let (reason, progress) = solve::plain(&world, &mut ring, &mut state, &stop, ranks, &mut ())?;
@@ -166,8 +166,9 @@ fn no_light_travels_but_that_of_the_shooter() {
     assert_eq!(choices.messages, 11 * 4 * 2);
     assert_eq!((shots.messages, shots.bytes), (10 * 3, 10 * 3 * (4 + 8 + 16 * 12)));
     // Each member of a ring says that its own packets are home, and is told that all are.
-    assert_eq!((total[&3].messages, total[&4].messages), (10 * 2, 10 * 2));
-    // All else are points and masks, and the sums of the audit at the beginning and the end.
-    assert_eq!(total.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6]);
+    // The audit of all shots together is one more question.
+    assert_eq!((total[&3].messages, total[&4].messages), (11 * 2, 11 * 2));
+    // All else are points and masks, rays and hits, and the sums of the audit.
+    assert_eq!(total.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6, 7]);
     assert!(expected.progress.rays <= parts[0].progress.rays);
 }

@@ -9,6 +9,7 @@ mod build;
 mod cluster;
 mod colour;
 mod frame;
+mod look;
 mod occluders;
 mod pairing;
 mod plane;
@@ -17,15 +18,17 @@ mod size;
 #[cfg(test)]
 mod tests;
 mod validity;
+pub mod walk;
 
 pub use build::{MeshOptions, build};
 pub use colour::Colour;
 pub use frame::{Frame, Tile};
+pub use look::{LookAbout, View};
 pub use occluders::{CLEAR_COVERAGE, FacetCoverage, OPAQUE_COVERAGE, Occluder, hierarchy, hierarchy_of};
 pub use plane::{Planes, RELATIVE_TOLERANCE};
 pub use shared::SharedError;
 pub use size::{Quality, Sizes};
-pub use validity::{find_valid_samples, is_covered, is_hidden_beside, sample_parameters};
+pub use validity::{find_valid_samples, is_hidden_beside, look_about, looks, sample_parameters, valid_samples};
 
 use crate::column::Column;
 use crate::scene::Warnings;

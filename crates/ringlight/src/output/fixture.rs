@@ -39,7 +39,7 @@ pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
     let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
     let ranks = &mut Communicator::alone();
     let mut ring = Ring::alone(&mesh, Arc::new(hierarchy));
-    let world = World::new(&ring, &scene.lights, settings);
+    let world = World::new(&mut ring, &scene.lights, settings, ranks).unwrap();
     let mut state = State::new(&world, ranks).unwrap();
     let stop = StopRule { until, max_shots: None };
     solve::plain(&world, &mut ring, &mut state, &stop, ranks, &mut ()).unwrap();

@@ -1,10 +1,12 @@
-//! Rings: ranks that together hold the whole geometry once, and the way of packets of sample points among them.
+//! Rings: ranks that together hold the whole geometry once, and the way of packets of sample points and rays among them.
 //!
-//! Everything here is decided by numbers, boxes and masks: what is done with a mask is not this module's business. The
+//! Everything here is decided by numbers, boxes, masks and hits: what is done with a mask or a hit is not this module's business. The
 //! state machines take events and give actions; they know no clock and send nothing themselves, so that a simulator
 //! drives the same code as real ranks do. `README.md` beside this file explains the pipeline.
 
+mod balance;
 mod packet;
+mod parcel;
 mod partition;
 mod pipeline;
 mod routing;
@@ -12,8 +14,10 @@ mod shard;
 #[cfg(test)]
 mod simulator;
 
-pub use packet::{Malformed, Packet, Parcel};
+pub use balance::{Balance, Load, Moves, Window, rank_correlation};
+pub use packet::{Answers, Content, Packet, Parcel, Rays, Samples};
+pub use parcel::Malformed;
 pub use partition::{Rings, owners};
 pub use pipeline::{Action, Pipeline, Visits};
 pub use routing::{Routing, Sight};
-pub use shard::{Bounds, Piece, Shards, deal, outline};
+pub use shard::{Bounds, Piece, ShardBox, Shards, deal, outline};

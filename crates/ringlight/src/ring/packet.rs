@@ -1,26 +1,54 @@
-//! What travels: sample points with their masks, and masks on their way home.
+//! What travels: sample points with their masks or rays with their nearest hits so far, and the answers on their way home.
 
-use ringlight_visibility::Points;
+use ringlight_visibility::{Hit, Points, Ray};
 
-/// Sample points that travel and are tested together.
+/// Questions that travel and are tested together.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Packet {
-    /// The shot whose cells the masks are of.
+    /// The shot that they are asked for.
     pub shot: u64,
     /// Place in the ring of the member that the packet belongs to.
     pub home: u32,
     /// The owner's number of the packet.
     pub ticket: u32,
-    /// Coordinates x, metres.
-    pub x: Vec<f32>,
-    /// Coordinates y, metres.
-    pub y: Vec<f32>,
-    /// Coordinates z, metres.
-    pub z: Vec<f32>,
-    /// Planes of the surfaces the points lie on.
-    pub plane: Vec<u32>,
-    /// The cells that are still seen from each point.
-    pub masks: Vec<u64>,
+    /// What is asked, and what the members visited so far have answered.
+    pub content: Content,
+}
+
+/// What a packet asks.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Content {
+    /// Which of the shot's cells points see.
+    Samples(Samples),
+    /// What rays meet first.
+    Rays(Rays),
+}
+
+/// Sample points with their masks, which the members join by AND.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Samples {
+    /// Three words a point, as they travel: all masks; then, two to a word, all coordinates x, y, z and planes.
+    words: Vec<u64>,
+}
+
+/// Rays with their nearest hits so far, which the members join by [`Hit::is_nearer`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rays {
+    /// The rays.
+    pub rays: Vec<Ray>,
+    /// What each ray may hit, in the words of those who ask and test: the ring does not understand them.
+    pub rules: Vec<[u32; 2]>,
+    /// The nearest hit of each ray, if any, among what has been visited.
+    pub hits: Vec<Option<Hit>>,
+}
+
+/// What comes home.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Answers {
+    /// Final masks, in the order of the points.
+    Masks(Vec<u64>),
+    /// Nearest hits, in the order of the rays.
+    Hits(Vec<Option<Hit>>),
 }
 
 /// A message between members of a ring.
@@ -28,116 +56,135 @@ pub struct Packet {
 pub enum Parcel {
     /// To be tested by the member it is sent to.
     Onward(Packet),
-    /// Tested by all: the masks come home.
+    /// Tested by all: the answers come home.
     Home {
         /// The shot.
         shot: u64,
         /// The owner's number of the packet.
         ticket: u32,
-        /// Final masks, in the order of the points.
-        masks: Vec<u64>,
+        /// What the members have answered together.
+        answers: Answers,
     },
 }
 
-/// Bytes that are no parcel: the ranks do not run the same program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0} bytes are no parcels")]
-pub struct Malformed(pub usize);
+impl Default for Content {
+    fn default() -> Content {
+        Content::Samples(Samples::default())
+    }
+}
 
-/// The home of parcels that are there.
-const ARRIVED: u32 = u32::MAX;
+impl Samples {
+    /// The points of several runs, with the cells that are still seen from each point.
+    pub fn of(runs: &[(Points<'_>, &[u64])]) -> Samples {
+        let count: usize = runs.iter().map(|(_, masks)| masks.len()).sum();
+        let mut words = vec![0; 3 * count];
+        let (all, rest) = words.split_at_mut(count);
+        let halves: &mut [u32] = bytemuck::cast_slice_mut(rest);
+        let mut start = 0;
+        for (points, masks) in runs {
+            all[start..][..masks.len()].copy_from_slice(masks);
+            let parts = [points.x, points.y, points.z].map(bytemuck::cast_slice::<f32, u32>);
+            for (i, part) in parts.into_iter().chain([points.plane]).enumerate() {
+                halves[i * count + start..][..part.len()].copy_from_slice(part);
+            }
+            start += masks.len();
+        }
+        Samples { words }
+    }
 
-impl Packet {
+    /// From words as they travel; they are a multiple of three.
+    pub(super) fn from_words(words: Vec<u64>) -> Samples {
+        assert!(words.len().is_multiple_of(3));
+        Samples { words }
+    }
+
+    /// As they travel.
+    pub(super) fn words(&self) -> &[u64] {
+        &self.words
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.words.len() / 3
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.words.is_empty()
+    }
+
     /// The points.
     pub fn points(&self) -> Points<'_> {
-        Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane }
+        points(&self.words[self.len()..])
+    }
+
+    /// The cells that are still seen from each point.
+    pub fn masks(&self) -> &[u64] {
+        &self.words[..self.len()]
+    }
+
+    /// The points, and the cells that are still seen from each, for occluders to clear bits.
+    pub fn split_mut(&mut self) -> (Points<'_>, &mut [u64]) {
+        let count = self.len();
+        let (masks, rest) = self.words.split_at_mut(count);
+        (points(rest), masks)
     }
 
     /// Whether no point sees anything any more.
     pub fn is_dark(&self) -> bool {
-        self.masks.iter().all(|&mask| mask == 0)
+        self.masks().iter().all(|&mask| mask == 0)
+    }
+
+    /// The plane that all points lie on, if it is one.
+    pub fn plane(&self) -> Option<u32> {
+        let plane = self.points().plane;
+        plane.first().copied().filter(|first| plane.iter().all(|p| p == first))
     }
 }
 
-impl Parcel {
-    /// Appends it to a message, in the byte order of the machine: shot, home, ticket, number of points, and then array by
-    /// array. A message may hold many parcels.
-    pub fn write(&self, bytes: &mut Vec<u8>) {
-        let (shot, home, ticket, masks) = match self {
-            Parcel::Onward(p) => (p.shot, p.home, p.ticket, &p.masks),
-            Parcel::Home { shot, ticket, masks } => (*shot, ARRIVED, *ticket, masks),
-        };
-        bytes.extend_from_slice(&shot.to_ne_bytes());
-        bytes.extend_from_slice(&home.to_ne_bytes());
-        bytes.extend_from_slice(&ticket.to_ne_bytes());
-        bytes.extend_from_slice(&(masks.len() as u32).to_ne_bytes());
-        bytes.extend_from_slice(bytemuck::cast_slice(masks));
-        if let Parcel::Onward(p) = self {
-            [&p.x, &p.y, &p.z].into_iter().for_each(|axis| bytes.extend_from_slice(bytemuck::cast_slice(axis)));
-            bytes.extend_from_slice(bytemuck::cast_slice(&p.plane));
-        }
-    }
-
-    /// Takes the next parcel off a message; none at its end.
-    pub fn read(bytes: &mut &[u8]) -> Result<Option<Parcel>, Malformed> {
-        if bytes.is_empty() {
-            return Ok(None);
-        }
-        let malformed = Malformed(bytes.len());
-        let (header, content) = bytes.split_at_checked(HEADER).ok_or(malformed)?;
-        let word = |i: usize| u32::from_ne_bytes(std::array::from_fn(|k| header[i + k]));
-        let shot = u64::from_ne_bytes(std::array::from_fn(|k| header[k]));
-        let (home, ticket, count) = (word(8), word(12), word(16) as usize);
-        let size = if home == ARRIVED { size_of::<u64>() } else { POINT };
-        let len = count.checked_mul(size).ok_or(malformed)?;
-        let (content, after) = content.split_at_checked(len).ok_or(malformed)?;
-        *bytes = after;
-        let (masks, rest) = content.split_at(count * size_of::<u64>());
-        let masks = bytemuck::pod_collect_to_vec(masks);
-        if home == ARRIVED {
-            return Ok(Some(Parcel::Home { shot, ticket, masks }));
-        }
-        let part = |i: usize| &rest[i * 4 * count..(i + 1) * 4 * count];
-        let [x, y, z] = [0, 1, 2].map(|i| bytemuck::pod_collect_to_vec(part(i)));
-        let plane = bytemuck::pod_collect_to_vec(part(3));
-        Ok(Some(Parcel::Onward(Packet { shot, home, ticket, x, y, z, plane, masks })))
+/// Coordinates and planes from their words.
+fn points(words: &[u64]) -> Points<'_> {
+    let (floats, planes): (&[f32], &[u32]) = (bytemuck::cast_slice(words), bytemuck::cast_slice(words));
+    let count = words.len() / 2;
+    Points {
+        x: &floats[..count],
+        y: &floats[count..2 * count],
+        z: &floats[2 * count..3 * count],
+        plane: &planes[3 * count..],
     }
 }
 
-/// Bytes before the arrays.
-const HEADER: usize = 20;
+impl Rays {
+    /// Adds a ray that has not met anything yet.
+    pub fn push(&mut self, ray: Ray, rule: [u32; 2]) {
+        self.rays.push(ray);
+        self.rules.push(rule);
+        self.hits.push(None);
+    }
 
-/// Bytes per point on the way: mask, coordinates, plane.
-const POINT: usize = 8 + 12 + 4;
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn parcels_come_out_as_they_went_in() {
-        let packet = Packet {
-            shot: 1 << 40,
-            home: 3,
-            ticket: 7,
-            x: vec![1.5, -0.0],
-            y: vec![2.0, f32::MIN_POSITIVE],
-            z: vec![3.0, 1e30],
-            plane: vec![u32::MAX, 0],
-            masks: vec![u64::MAX, 5],
-        };
-        let home = Parcel::Home { shot: 9, ticket: 1, masks: vec![3, 0, 1] };
-        let empty = Parcel::Onward(Packet { shot: 2, ..Packet::default() });
-        let parcels = [Parcel::Onward(packet), home, empty];
-        // Messages may start anywhere in memory.
-        let mut message = vec![0];
-        parcels.iter().for_each(|parcel| parcel.write(&mut message));
-        let mut rest = &message[1..];
-        for parcel in parcels {
-            assert_eq!(Parcel::read(&mut rest), Ok(Some(parcel)));
+    /// Asks a member: `nearest_hit` finds the nearest hit of a ray by a rule in what the member holds. What lies beyond the
+    /// hits so far need not be looked for, so the rays end there.
+    pub fn test(&mut self, nearest_hit: impl Fn(&Ray, [u32; 2]) -> Option<Hit>) {
+        for ((ray, &rule), best) in self.rays.iter().zip(&self.rules).zip(&mut self.hits) {
+            let far = best.map_or(ray.far, |hit| hit.distance);
+            if let Some(hit) = nearest_hit(&Ray { far, ..*ray }, rule)
+                && hit.is_nearer(best)
+            {
+                *best = Some(hit);
+            }
         }
-        assert_eq!(Parcel::read(&mut rest), Ok(None));
-        assert_eq!(Parcel::read(&mut &[0; 19][..]), Err(Malformed(19)));
-        assert_eq!(Parcel::read(&mut &message[1..40]), Err(Malformed(39)));
+    }
+}
+
+impl Content {
+    /// What remains when nobody is left to be asked.
+    pub fn into_answers(self) -> Answers {
+        match self {
+            Content::Samples(Samples { mut words }) => {
+                words.truncate(words.len() / 3);
+                Answers::Masks(words)
+            }
+            Content::Rays(rays) => Answers::Hits(rays.hits),
+        }
     }
 }

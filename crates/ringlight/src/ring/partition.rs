@@ -22,7 +22,7 @@ pub fn owners(elements: &[u64], ranks: usize) -> Vec<u32> {
 }
 
 /// Numbers scattered as if at random, the same always (the finaliser of SplitMix64: Steele, Lea & Flood 2014).
-fn scatter(number: u64) -> u64 {
+pub(super) fn scatter(number: u64) -> u64 {
     let z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -4,7 +4,7 @@
 //! and tests nothing itself.
 
 use super::routing::{Routing, Sight};
-use super::{Packet, Parcel};
+use super::{Answers, Packet, Parcel};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
@@ -18,16 +18,17 @@ pub enum Action {
         /// What to send.
         parcel: Parcel,
     },
-    /// Clear what this member's geometry blocks, as it was for the packet's shot; then call [`Pipeline::tested`].
+    /// Clear the bits that this member's geometry blocks, or find what nearer it has in the rays' way, as it was for the
+    /// packet's shot; then call [`Pipeline::tested`].
     Test(Packet),
-    /// The masks of a packet of this member are final.
+    /// The answers to a packet of this member are final.
     Finish {
         /// The shot.
         shot: u64,
         /// Number of the packet.
         ticket: u32,
-        /// Masks, in the order of the points.
-        masks: Vec<u64>,
+        /// What all members have answered together.
+        answers: Answers,
     },
 }
 
@@ -108,14 +109,14 @@ impl Pipeline {
     pub fn receive(&mut self, parcel: Parcel) {
         match parcel {
             Parcel::Onward(packet) => self.accept(packet),
-            Parcel::Home { shot, ticket, masks } => self.finish(shot, ticket, masks),
+            Parcel::Home { shot, ticket, answers } => self.finish(shot, ticket, answers),
         }
     }
 
-    /// The packet of an [`Action::Test`], with the bits cleared that this member's geometry blocks.
+    /// The packet of an [`Action::Test`], with what this member had to say.
     pub fn tested(&mut self, packet: Packet) {
         self.visits.tested += 1;
-        let members = self.shots[&packet.shot].outlines.len();
+        let members = self.shots[&packet.shot].members();
         let visited = (self.place + members - packet.home as usize) % members;
         self.route(packet, visited + 1);
     }
@@ -157,7 +158,7 @@ impl Pipeline {
     /// Sends a packet to the next place, counted from its home, that it visits from `from` on; or home.
     fn route(&mut self, packet: Packet, from: usize) {
         let sight = &self.shots[&packet.shot];
-        let members = sight.outlines.len();
+        let members = sight.members();
         let home = packet.home as usize;
         match self.routing.next(&packet, sight, from).map(|place| (home + place) % members) {
             Some(to) if to == self.place => self.accept(packet),
@@ -165,16 +166,20 @@ impl Pipeline {
                 self.visits.sent += 1;
                 self.actions.push_back(Action::Send { to, parcel: Parcel::Onward(packet) });
             }
-            None if home == self.place => self.finish(packet.shot, packet.ticket, packet.masks),
             None => {
-                let Packet { shot, ticket, masks, .. } = packet;
-                self.actions.push_back(Action::Send { to: home, parcel: Parcel::Home { shot, ticket, masks } });
+                let Packet { shot, ticket, content, .. } = packet;
+                let answers = content.into_answers();
+                if home == self.place {
+                    self.finish(shot, ticket, answers);
+                } else {
+                    self.actions.push_back(Action::Send { to: home, parcel: Parcel::Home { shot, ticket, answers } });
+                }
             }
         }
     }
 
-    fn finish(&mut self, shot: u64, ticket: u32, masks: Vec<u64>) {
+    fn finish(&mut self, shot: u64, ticket: u32, answers: Answers) {
         self.in_flight -= 1;
-        self.actions.push_back(Action::Finish { shot, ticket, masks });
+        self.actions.push_back(Action::Finish { shot, ticket, answers });
     }
 }

@@ -1,20 +1,32 @@
-//! Drives the pipelines of many ranks in a random order, and compares the masks with those of one hierarchy.
+//! Drives the pipelines of many ranks in a random order, and compares the answers with those of one hierarchy.
 
 #[path = "../../../ringlight-visibility/tests/common/mod.rs"]
 mod common;
 
-use super::{Action, Bounds, Packet, Parcel, Piece, Pipeline, Rings, Routing, Shards, Sight, deal, outline};
-use common::{Place, Random, Samples, filters, samples, shooter, triangles};
+use super::{
+    Action, Answers, Bounds, Content, Packet, Parcel, Piece, Pipeline, Rays, Rings, Routing, Samples, ShardBox, Shards,
+    Sight, deal, outline,
+};
+use common::{Place, Random, filters, samples, shooter, triangles};
 use proptest::prelude::*;
-use ringlight_visibility::{Filter, Hierarchy, Shooter, Triangle};
+use ringlight_visibility::{Filter, Hierarchy, Hit, NO_PLANE, Points, PreparedShooter, Ray, Shooter, Triangle};
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// A random scene and some shots in it, each with points that have to know what they see.
+/// A random scene and some shots in it, each with points that have to know what they see, and rays that have to know what
+/// they meet.
 struct Task {
     triangles: Vec<Triangle>,
     filters: Vec<Filter>,
-    shots: Vec<(Shooter, Samples)>,
+    shots: Vec<(Shooter, common::Samples, Vec<Inquiry>)>,
+}
+
+/// A ray, and a rule: only triangles whose number is congruent to the second word modulo the first count.
+type Inquiry = (Ray, [u32; 2]);
+
+/// What a hierarchy says of a ray.
+fn nearest_hit(hierarchy: &Hierarchy, ray: &Ray, [modulus, residue]: [u32; 2]) -> Option<Hit> {
+    hierarchy.nearest_hit_where(ray, |triangle| triangle.id % modulus == residue)
 }
 
 /// How it is done.
@@ -36,18 +48,21 @@ struct Rank {
     shard: Hierarchy,
     /// First rank of its ring.
     first: usize,
-    outlines: Arc<Vec<Vec<Bounds>>>,
+    outlines: Arc<Vec<Vec<ShardBox>>>,
     /// Shots it has been told of; they come in order.
     known: usize,
     /// Own packets that wait for their shot and for room.
     waiting: VecDeque<Packet>,
 }
 
+/// What the points of a shot see and its rays meet.
+type Found = (Vec<u64>, Vec<Option<Hit>>);
+
 /// What a simulation saw.
 #[derive(Debug, Default)]
 struct Outcome {
-    /// Masks of each shot's points.
-    masks: Vec<Vec<u64>>,
+    /// Masks of each shot's points, and hits of its rays.
+    answers: Vec<Found>,
     packets: u64,
     tested: u64,
     messages: u64,
@@ -61,29 +76,31 @@ impl Task {
         let triangles = triangles(random, place, 250, filters.len());
         let shots = (0..3)
             .map(|_| {
-                let parts: Vec<Samples> = (0..4).map(|_| samples(random, place)).collect();
+                let parts: Vec<common::Samples> = (0..4).map(|_| samples(random, place)).collect();
                 let points: Vec<[f32; 3]> =
                     parts.iter().flat_map(|s| (0..s.x.len()).map(|i| s.points().at(i))).collect();
-                (shooter(random, place), Samples::new(&points, parts.iter().flat_map(|s| s.plane.clone()).collect()))
+                let plane = parts.iter().flat_map(|s| s.plane.clone()).collect();
+                let rays = (0..70).map(|_| inquiry(random, place)).collect();
+                (shooter(random, place), common::Samples::new(&points, plane), rays)
             })
             .collect();
         Task { triangles, filters, shots }
     }
 
     /// What one hierarchy says.
-    fn expected(&self) -> Vec<Vec<u64>> {
+    fn expected(&self) -> Vec<Found> {
         let whole = Hierarchy::build(self.triangles.clone(), self.filters.clone());
-        let masks = |(shooter, samples): &(Shooter, Samples)| {
+        let found = |(shooter, samples, rays): &(Shooter, common::Samples, Vec<Inquiry>)| {
             let mut masks = vec![shooter.cells.all(); samples.x.len()];
             whole.clear_blocked(shooter, samples.points(), &mut masks);
-            masks
+            (masks, rays.iter().map(|(ray, rule)| nearest_hit(&whole, ray, *rule)).collect())
         };
-        self.shots.iter().map(masks).collect()
+        self.shots.iter().map(found).collect()
     }
 
     /// The hierarchy and the boxes of each member of a ring.
-    fn shards(&self, way: &Way, members: usize) -> Vec<(Hierarchy, Vec<Bounds>)> {
-        let piece = |t: &Triangle| Piece { bounds: Bounds::around(t.corners), triangles: 1 };
+    fn shards(&self, way: &Way, members: usize) -> Vec<(Hierarchy, Vec<ShardBox>)> {
+        let piece = |t: &Triangle| Piece { bounds: Bounds::around(t.corners), triangles: 1, plane: t.plane };
         let pieces: Vec<Piece> = self.triangles.iter().map(piece).collect();
         let holders = deal(&pieces, members, way.shards);
         (0..members as u32)
@@ -113,19 +130,26 @@ impl Task {
                 waiting: VecDeque::new(),
             }));
         }
-        for (shot, (shooter, samples)) in self.shots.iter().enumerate() {
+        for (shot, (shooter, samples, rays)) in self.shots.iter().enumerate() {
             for start in (0..samples.x.len()).step_by(way.packet_size) {
                 let range = start..samples.x.len().min(start + way.packet_size);
-                ranks[random.below(way.ranks)].waiting.push_back(Packet {
-                    shot: shot as u64,
-                    home: 0,
-                    ticket: start as u32,
-                    x: samples.x[range.clone()].to_vec(),
-                    y: samples.y[range.clone()].to_vec(),
-                    z: samples.z[range.clone()].to_vec(),
-                    plane: samples.plane[range.clone()].to_vec(),
-                    masks: vec![shooter.cells.all(); range.len()],
-                });
+                let points = Points {
+                    x: &samples.x[range.clone()],
+                    y: &samples.y[range.clone()],
+                    z: &samples.z[range.clone()],
+                    plane: &samples.plane[range.clone()],
+                };
+                let masks = vec![shooter.cells.all(); range.len()];
+                let content = Content::Samples(Samples::of(&[(points, &masks)]));
+                let packet = Packet { shot: shot as u64, home: 0, ticket: start as u32, content };
+                ranks[random.below(way.ranks)].waiting.push_back(packet);
+            }
+            for (i, chunk) in rays.chunks(way.packet_size).enumerate() {
+                let mut asked = Rays::default();
+                chunk.iter().for_each(|&(ray, rule)| asked.push(ray, rule));
+                let content = Content::Rays(asked);
+                let packet = Packet { shot: shot as u64, home: 0, ticket: (i * way.packet_size) as u32, content };
+                ranks[random.below(way.ranks)].waiting.push_back(packet);
             }
         }
         ranks
@@ -134,7 +158,9 @@ impl Task {
     /// Lets the ranks work, in a random order of everything, until nothing is left to do.
     fn simulate(&self, way: &Way, random: &mut Random) -> Outcome {
         let mut ranks = self.ranks(way, random);
-        let mut masks: Vec<Vec<u64>> = self.shots.iter().map(|(_, samples)| vec![0; samples.x.len()]).collect();
+        let nothing =
+            |(_, samples, rays): &(_, common::Samples, Vec<_>)| (vec![0; samples.x.len()], vec![None; rays.len()]);
+        let mut answered: Vec<Found> = self.shots.iter().map(nothing).collect();
         // Messages may even overtake each other.
         let mut under_way: Vec<(usize, Vec<u8>)> = Vec::new();
         let mut outcome = Outcome::default();
@@ -154,7 +180,10 @@ impl Task {
             let rank = &mut ranks[number];
             if rank.known < self.shots.len() && random.below(10) == 0 {
                 let shooter = self.shots[rank.known].0.clone();
-                rank.pipeline.begin(rank.known as u64, Sight { shooter, outlines: rank.outlines.clone() });
+                rank.pipeline.begin(
+                    rank.known as u64,
+                    Sight::new(Arc::new(PreparedShooter::new(&shooter)), rank.outlines.clone()),
+                );
                 rank.known += 1;
             }
             if let Some(packet) = rank.waiting.front()
@@ -174,15 +203,22 @@ impl Task {
                     under_way.push((rank.first + to, bytes));
                 }
                 Action::Test(mut packet) => {
-                    let mut cleared = std::mem::take(&mut packet.masks);
-                    let shooter = &self.shots[packet.shot as usize].0;
-                    rank.shard.clear_blocked(shooter, packet.points(), &mut cleared);
-                    packet.masks = cleared;
+                    match &mut packet.content {
+                        Content::Samples(samples) => {
+                            let (points, masks) = samples.split_mut();
+                            let shooter = &self.shots[packet.shot as usize].0;
+                            rank.shard.clear_blocked(shooter, points, masks);
+                        }
+                        Content::Rays(rays) => rays.test(|ray, rule| nearest_hit(&rank.shard, ray, rule)),
+                    }
                     rank.pipeline.tested(packet);
                 }
-                Action::Finish { shot, ticket, masks: found } => {
-                    let start = ticket as usize;
-                    masks[shot as usize][start..start + found.len()].copy_from_slice(&found);
+                Action::Finish { shot, ticket, answers } => {
+                    let (start, (masks, hits)) = (ticket as usize, &mut answered[shot as usize]);
+                    match answers {
+                        Answers::Masks(found) => masks[start..start + found.len()].copy_from_slice(&found),
+                        Answers::Hits(found) => hits[start..start + found.len()].copy_from_slice(&found),
+                    }
                     outcome.packets += 1;
                 }
             }
@@ -194,8 +230,26 @@ impl Task {
             outcome.messages += rank.pipeline.visits().sent;
         }
         assert_eq!(outcome.packets, ranks.iter().map(|rank| rank.pipeline.visits().own).sum::<u64>());
-        Outcome { masks, ..outcome }
+        Outcome { answers: answered, ..outcome }
     }
+}
+
+/// A ray from somewhere to somewhere, short or without end, which may hit all triangles or every second.
+fn inquiry(random: &mut Random, place: Place) -> Inquiry {
+    let (from, to) = if random.below(3) == 0 {
+        (place.at(random.lattice()), place.at(random.lattice()))
+    } else {
+        (place.at(random.vector()), place.at(random.vector()))
+    };
+    let ray = Ray {
+        origin: from,
+        direction: std::array::from_fn(|i| to[i] - from[i]),
+        near: if random.below(4) == 0 { 0.1 } else { 0.0 },
+        far: if random.below(2) == 0 { 1.0 } else { f32::INFINITY },
+        plane: if random.below(2) == 0 { random.below(4) as u32 } else { NO_PLANE },
+    };
+    let modulus = 1 + random.below(2);
+    (ray, [modulus as u32, random.below(modulus) as u32])
 }
 
 const RINGS: [(usize, usize); 11] =
@@ -205,7 +259,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 16, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn masks_are_those_of_one_hierarchy(seed: u64) {
+    fn answers_are_those_of_one_hierarchy(seed: u64) {
         let task = Task::random(seed);
         let expected = task.expected();
         let random = &mut Random(seed ^ 1);
@@ -216,7 +270,7 @@ proptest! {
                 let (window, boxes) = (1 + random.below(5), 1 + random.below(9));
                 let way = Way { ranks, rings, shards, routing, packet_size, window, boxes };
                 let outcome = task.simulate(&way, random);
-                prop_assert_eq!(&outcome.masks, &expected, "seed {}, {:?}", seed, way);
+                prop_assert_eq!(&outcome.answers, &expected, "seed {}, {:?}", seed, way);
                 let members = ranks.div_ceil(rings) as u64;
                 prop_assert!(outcome.tested <= members * outcome.packets, "{:?}", outcome);
                 if members == 1 {
@@ -244,7 +298,7 @@ fn boxes_spare_visits() {
         };
         let random = &mut Random(seed);
         let outcomes = [Routing::All, Routing::Boxes].map(|routing| task.simulate(&Way { routing, ..way }, random));
-        assert_eq!(outcomes[0].masks, outcomes[1].masks);
+        assert_eq!(outcomes[0].answers, outcomes[1].answers);
         all += outcomes[0].tested;
         boxes += outcomes[1].tested;
         packets += outcomes[0].packets;

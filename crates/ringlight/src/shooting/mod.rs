@@ -10,7 +10,7 @@ mod packet;
 mod receive;
 mod shot;
 
-pub use audit::{Fate, audit};
+pub use audit::{Audit, Fate, FateShares, Following};
 pub(crate) use emitter::sine_cosine;
 pub use emitter::{Emitter, emitters, skies};
 pub use field::{Field, WHOLE};

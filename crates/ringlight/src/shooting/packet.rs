@@ -6,6 +6,7 @@ use super::gather::{Received, Receiver, Role, Spread, gather};
 use super::shot::{Shot, Source};
 use glam::DVec3;
 use ringlight_visibility::{Cells, Hierarchy, Points, Tally};
+use std::ops::Range;
 
 /// Points with normals that receive one shot after another; the buffers are reused.
 #[derive(Debug, Default)]
@@ -73,6 +74,17 @@ impl Packet {
     /// The points, in the order in which they were pushed.
     pub fn points(&self) -> Points<'_> {
         Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane }
+    }
+
+    /// Some of the points, with their masks.
+    pub fn run(&self, range: Range<usize>) -> (Points<'_>, &[u64]) {
+        let points = Points {
+            x: &self.x[range.clone()],
+            y: &self.y[range.clone()],
+            z: &self.z[range.clone()],
+            plane: &self.plane[range.clone()],
+        };
+        (points, &self.masks[range])
     }
 
     /// The masks, for occluders to clear bits.

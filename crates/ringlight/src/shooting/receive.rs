@@ -202,7 +202,12 @@ fn renew_power(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, first: u32
 
 impl Work {
     /// The points collected, with masks.
-    pub fn packet(&mut self) -> &mut Packet {
+    pub fn packet(&self) -> &Packet {
+        &self.packet
+    }
+
+    /// The same, for masks to be cleared.
+    pub fn packet_mut(&mut self) -> &mut Packet {
         &mut self.packet
     }
 

@@ -1,6 +1,7 @@
 //! What the ranks tell each other to choose the next shooter: the master's job (paper, section 2.2) by one reduction.
 
-use super::{Control, ExactSum, StopReason};
+use super::{Control, StopReason};
+use crate::quantity::ExactSum;
 use ringlight_visibility::Tally;
 
 /// A patch offered as the next shooter, as a number that is larger for the better one: power first (non-negative floats

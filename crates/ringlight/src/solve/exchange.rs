@@ -1,9 +1,11 @@
 //! Visibility over a ring: the pipeline of `ring`, driven over the communicator, for several jobs at a time.
 
-use crate::ring::{Action, Bounds, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
+use super::walking;
+use crate::mesh::Mesh;
+use crate::ring::{Action, Answers, Content, Packet, Parcel, Pipeline, Rings, Routing, ShardBox, Sight, Visits};
 use crate::transport::{Communicator, Failure, Message};
 use rayon::prelude::*;
-use ringlight_visibility::{Hierarchy, Shooter, Tally};
+use ringlight_visibility::{Hierarchy, PreparedShooter, Shooter, Tally};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -36,7 +38,7 @@ pub struct RingExchange {
 
 /// A job: what all members of the ring ask about one shooter.
 struct Job {
-    shooter: Shooter,
+    shooter: Arc<PreparedShooter>,
     /// What this rank holds for it.
     hierarchy: Arc<Hierarchy>,
     /// Own packets under way.
@@ -54,12 +56,12 @@ pub trait Part {
     /// The next packet of this rank, if there is another now; a finished one may make room for more. The job is done when
     /// there is none and none is under way.
     fn next(&mut self) -> Option<Packet>;
-    /// Takes the final masks of a packet that [`Part::next`] gave.
-    fn finish(&mut self, ticket: u32, masks: Vec<u64>);
+    /// Takes the final answers to a packet that [`Part::next`] gave.
+    fn finish(&mut self, ticket: u32, answers: Answers);
 }
 
-/// Own parts of the jobs under way, by number.
-pub type Parts<P> = BTreeMap<u64, P>;
+/// Own parts of the jobs under way, by number, in their order.
+pub type Parts<'p> = [(u64, &'p mut dyn Part)];
 
 impl RingExchange {
     /// Of rank `rank`. At most `window` own packets are under way at a time.
@@ -97,13 +99,13 @@ impl RingExchange {
         &mut self,
         number: u64,
         shooter: &Shooter,
-        outlines: Arc<Vec<Vec<Bounds>>>,
+        outlines: Arc<Vec<Vec<ShardBox>>>,
         hierarchy: Arc<Hierarchy>,
     ) {
         assert_eq!(self.outbox.len(), outlines.len(), "every member of the ring has its boxes");
-        self.pipeline.begin(number, Sight { shooter: shooter.clone(), outlines });
+        let shooter = Arc::new(PreparedShooter::new(shooter));
+        self.pipeline.begin(number, Sight::new(shooter.clone(), outlines));
         let done = self.early.remove(&number).unwrap_or(0);
-        let shooter = shooter.clone();
         self.jobs.insert(number, Job { shooter, hierarchy, in_flight: 0, done, here: false, everywhere: false });
     }
 
@@ -119,7 +121,7 @@ impl RingExchange {
     }
 
     /// Does what can be done now; false if there is nothing to do before a message comes.
-    pub fn serve<P: Part>(&mut self, ranks: &mut Communicator<'_>, parts: &mut Parts<P>) -> Result<bool, Failure> {
+    pub fn serve(&mut self, ranks: &mut Communicator<'_>, mesh: &Mesh, parts: &mut Parts<'_>) -> Result<bool, Failure> {
         let mut busy = false;
         while let Some(message) = ranks.receive_where(is_ours)? {
             self.take(ranks, message)?;
@@ -133,19 +135,24 @@ impl RingExchange {
             busy = true;
             match action {
                 Action::Send { to, parcel } => {
-                    parcel.write(&mut self.outbox[to]);
+                    let outbox = &mut self.outbox[to];
+                    if outbox.capacity() == 0 {
+                        outbox.reserve(MESSAGE + MESSAGE / 4);
+                    }
+                    parcel.write(outbox);
                     if self.outbox[to].len() >= MESSAGE {
                         self.post(ranks, to);
                     }
                 }
                 Action::Test(packet) => packets.push(packet),
-                Action::Finish { shot, ticket, masks } => {
+                Action::Finish { shot, ticket, answers } => {
                     self.job(shot).in_flight -= 1;
-                    parts.get_mut(&shot).expect("own packets belong to own parts").finish(ticket, masks);
+                    let part = parts.iter_mut().find(|(number, _)| *number == shot);
+                    part.expect("own packets belong to own parts").1.finish(ticket, answers);
                 }
             }
         }
-        self.test(packets);
+        self.test(mesh, packets);
         if !busy {
             // Nobody waits for a parcel that waits for company.
             (0..self.outbox.len()).for_each(|to| self.post(ranks, to));
@@ -161,9 +168,10 @@ impl RingExchange {
     }
 
     /// Lets own packets set off, those of earlier jobs first.
-    fn submit<P: Part>(&mut self, parts: &mut Parts<P>) -> bool {
+    fn submit(&mut self, parts: &mut Parts<'_>) -> bool {
         let mut busy = false;
-        for (&number, part) in parts {
+        for (number, part) in parts {
+            let number = *number;
             while self.pipeline.has_room()
                 && self.jobs.get(&number).is_some_and(|job| !job.here)
                 && let Some(packet) = part.next()
@@ -176,14 +184,21 @@ impl RingExchange {
         busy
     }
 
-    /// Clears what this rank's geometry blocks, with all threads if there are several packets.
-    fn test(&mut self, mut packets: Vec<Packet>) {
+    /// Says what this rank's geometry has to say: clears the bits that it blocks, finds what it has in the rays' way; with
+    /// all threads if there are several packets.
+    fn test(&mut self, mesh: &Mesh, mut packets: Vec<Packet>) {
         let test = |packet: &mut Packet| {
-            let job = &self.jobs[&packet.shot];
-            let mut masks = std::mem::take(&mut packet.masks);
-            let tally = job.hierarchy.clear_blocked(&job.shooter, packet.points(), &mut masks);
-            packet.masks = masks;
-            tally
+            let Job { shooter, hierarchy, .. } = &self.jobs[&packet.shot];
+            match &mut packet.content {
+                Content::Samples(samples) => {
+                    let (points, masks) = samples.split_mut();
+                    hierarchy.clear_blocked_of(shooter, points, masks)
+                }
+                Content::Rays(rays) => {
+                    walking::test(mesh, hierarchy, rays);
+                    Tally::default()
+                }
+            }
         };
         let tally = match packets.as_mut_slice() {
             [] => return,

@@ -8,10 +8,11 @@ mod receiving;
 mod ring;
 mod share;
 mod state;
+mod walking;
 
-pub use energy::{Energy, ExactSum};
+pub use energy::Energy;
 pub use plain::plain;
-pub use ring::Ring;
+pub use ring::{Job, Ring};
 pub use share::{Share, Spread};
 pub use state::{State, World};
 

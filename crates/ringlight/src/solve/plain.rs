@@ -1,8 +1,9 @@
 //! Plain progressive refinement (paper, sections 1.1 and 2.2; Cohen et al. 1988).
 
 use super::choice::{Offer, Summary};
+use super::ring::Job;
 use super::{Control, Observer, Progress, Ring, State, StopReason, StopRule, World};
-use crate::shooting::{self, ClusterLight, PatchLight, Shot};
+use crate::shooting::{self, Audit, ClusterLight, PatchLight, Shot};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
 use ringlight_visibility::Cells;
@@ -24,6 +25,9 @@ struct Chosen {
     unshot: Vec<[f32; 3]>,
 }
 
+/// Shots that have been chosen and not committed, in order.
+type UnderWay = VecDeque<(Job, Chosen)>;
+
 /// Shoots until `stop` or the observer ends it; every rank of the world calls it with the same settings. An error says
 /// which rank failed.
 ///
@@ -38,7 +42,8 @@ pub fn plain(
     ranks: &mut Communicator<'_>,
     observer: &mut dyn Observer,
 ) -> Result<(StopReason, Progress), Failure> {
-    let mut under_way: VecDeque<Chosen> = VecDeque::new();
+    let mut under_way = UnderWay::new();
+    let mut audits = Audits::default();
     // Whether the last shot has been committed since the observer was told.
     let mut news = true;
     loop {
@@ -52,10 +57,14 @@ pub fn plain(
             observer.observe(&progress);
             news = false;
         }
+        let end = reason_to_stop(world, state, stop, &joined, &progress);
+        if end.is_some() || joined.control == Control::Checkpoint {
+            audits.settle(world, ring, state, ranks)?;
+        }
         if joined.control == Control::Checkpoint {
             observer.checkpoint(state, ranks)?;
         }
-        if let Some(reason) = reason_to_stop(world, state, stop, &joined, &progress) {
+        if let Some(reason) = end {
             return Ok((reason, progress));
         }
         let number = state.shots + under_way.len() as u64;
@@ -66,19 +75,20 @@ pub fn plain(
             None
         };
         if let Some(next) = next {
-            ring.begin(number, &next.shot);
-            under_way.push_back(next);
+            let job = ring.begin(&next.shot);
+            under_way.push_back((job, next));
             if (under_way.len() as u64) < u64::from(world.settings.shooters_in_flight) {
                 continue;
             }
         }
-        let Some(first) = under_way.pop_front() else {
+        let Some((job, first)) = under_way.pop_front() else {
+            audits.settle(world, ring, state, ranks)?;
             return Ok((StopReason::NothingLeft, progress));
         };
-        ring.commit(ranks, state.shots, &first.shot, &mut state.clusters)?;
+        ring.commit(ranks, job, &first.shot, &mut state.clusters)?;
         commit(world, state, &first);
-        audit(world, ring, state, &first.shot);
         state.shots += 1;
+        audits.add(world, ring, state, ranks, first.shot)?;
         news = true;
     }
 }
@@ -102,13 +112,13 @@ fn reason_to_stop(
 }
 
 /// This rank's part of what is known before a shot.
-fn summarise(ring: &Ring<'_>, state: &State, under_way: &VecDeque<Chosen>, control: Control) -> Summary {
+fn summarise(ring: &Ring<'_>, state: &State, under_way: &UnderWay, control: Control) -> Summary {
     let mesh = ring.mesh();
     let own = ring.share().own.par_iter().zip(&state.clusters);
     let of_cluster = |(&cluster, light): (&u32, &ClusterLight)| {
         let mut summary = Summary::default();
         for (patch, id) in light.patches.iter().zip(mesh.clusters[cluster as usize].patches.start..) {
-            if !under_way.iter().any(|chosen| chosen.patch == Some(id)) {
+            if !under_way.iter().any(|(_, chosen)| chosen.patch == Some(id)) {
                 summary.offer = summary.offer.better(Offer::new(patch.unshot_power, id));
             }
             summary.unshot.add(patch.unshot_power);
@@ -137,11 +147,11 @@ fn choose(
     world: &World<'_>,
     ring: &mut Ring<'_>,
     state: &State,
-    under_way: &VecDeque<Chosen>,
+    under_way: &UnderWay,
     best: Offer,
     ranks: &mut Communicator<'_>,
 ) -> Result<Option<Chosen>, Failure> {
-    let emitters = under_way.iter().filter(|chosen| chosen.patch.is_none()).count();
+    let emitters = under_way.iter().filter(|(_, chosen)| chosen.patch.is_none()).count();
     if let Some(emitter) = world.emitters.get(state.emitters_shot as usize + emitters) {
         return Ok(Some(Chosen { shot: emitter.clone(), patch: None, unshot: Vec::new() }));
     }
@@ -190,18 +200,54 @@ fn commit(world: &World<'_>, state: &mut State, chosen: &Chosen) {
     light.patches[index] = PatchLight { unshot_power, emission_waits: false };
 }
 
-/// Follows the shot's light with rays of its own: the more power, the more rays.
-fn audit(world: &World<'_>, ring: &Ring<'_>, state: &mut State, shot: &Shot) {
-    let share = if state.emitted > 0.0 { shot.power / state.emitted } else { 0.0 };
-    let rays = (share * 65_536.0).clamp(16.0, 16_384.0) as u32;
-    let fate = shooting::audit(world.mesh, ring.whole(), shot, rays, world.centre, world.radius);
-    // Light from infinity that misses the scene was never counted as emitted.
-    let (escaped, meeting) = match shot.shooter.cells {
-        Cells::Directions(_) => (fate.escaped - fate.escaped_at_once, 1.0 - fate.escaped_at_once),
-        _ => (fate.escaped, 1.0),
-    };
-    if meeting > 0.0 {
-        state.escaped += shot.power * escaped / meeting;
-        state.absorbed_by_backs += shot.power * fate.backs / meeting;
+/// Shots whose light has still to be followed for the audit. Nothing waits for it: it is done for many at a time.
+#[derive(Default)]
+struct Audits(Vec<Arc<Shot>>);
+
+/// Shots that are audited together.
+const AUDITED: usize = 16;
+
+impl Audits {
+    fn add(
+        &mut self,
+        world: &World<'_>,
+        ring: &mut Ring<'_>,
+        state: &mut State,
+        ranks: &mut Communicator<'_>,
+        shot: Arc<Shot>,
+    ) -> Result<(), Failure> {
+        self.0.push(shot);
+        if self.0.len() < AUDITED { Ok(()) } else { self.settle(world, ring, state, ranks) }
+    }
+
+    /// Follows the shots' light with rays of its own: the more power, the more rays.
+    fn settle(
+        &mut self,
+        world: &World<'_>,
+        ring: &mut Ring<'_>,
+        state: &mut State,
+        ranks: &mut Communicator<'_>,
+    ) -> Result<(), Failure> {
+        let rays = |shot: &Shot| {
+            let share = if state.emitted > 0.0 { shot.power / state.emitted } else { 0.0 };
+            (share * 65_536.0).clamp(16.0, 16_384.0) as u32
+        };
+        let audit = self.0.iter().map(|shot| Audit::new(world.mesh, shot, rays(shot), world.centre, world.radius));
+        let audits: Vec<Audit<'_>> = audit.collect();
+        let fates = ring.follow(ranks, &audits)?;
+        for (shot, fate) in self.0.iter().zip(fates) {
+            let fate = fate.shares();
+            // Light from infinity that misses the scene was never counted as emitted.
+            let (escaped, meeting) = match shot.shooter.cells {
+                Cells::Directions(_) => (fate.escaped - fate.escaped_at_once, 1.0 - fate.escaped_at_once),
+                _ => (fate.escaped, 1.0),
+            };
+            if meeting > 0.0 {
+                state.escaped += shot.power * escaped / meeting;
+                state.absorbed_by_backs += shot.power * fate.backs / meeting;
+            }
+        }
+        self.0.clear();
+        Ok(())
     }
 }

@@ -3,7 +3,7 @@
 use super::exchange::Part;
 use super::share::Share;
 use crate::mesh::Mesh;
-use crate::ring::Packet;
+use crate::ring::{Answers, Content, Packet, Samples};
 use crate::shooting::{self, ClusterLight, Shot, Work};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, VecDeque};
@@ -139,41 +139,39 @@ impl<'a> Receiving<'a> {
 
 impl Part for Receiving<'_> {
     fn next(&mut self) -> Option<Packet> {
-        let mut packet = Packet { ticket: self.tickets, ..Packet::default() };
-        let mut segments = Vec::new();
-        while packet.masks.len() < self.packet_size
+        let (mut segments, mut count) = (Vec::new(), 0);
+        while count < self.packet_size
             && (segments.is_empty() || !self.compact)
             && (!self.filling.is_empty() || self.collect())
         {
             let slot = self.filling[0];
             let Slot { work, sent, .. } = &mut self.slots[slot];
-            let points = work.packet().points();
-            let range = *sent..points.len().min(*sent + self.packet_size - packet.masks.len());
-            packet.x.extend_from_slice(&points.x[range.clone()]);
-            packet.y.extend_from_slice(&points.y[range.clone()]);
-            packet.z.extend_from_slice(&points.z[range.clone()]);
-            packet.plane.extend_from_slice(&points.plane[range.clone()]);
-            packet.masks.extend_from_slice(&work.packet().masks()[range.clone()]);
-            segments.push(Segment { slot, first: range.start, count: range.len() });
-            *sent = range.end;
-            if *sent == work.packet().masks().len() {
+            let left = work.packet().masks().len() - *sent;
+            let segment = Segment { slot, first: *sent, count: left.min(self.packet_size - count) };
+            *sent += segment.count;
+            count += segment.count;
+            if segment.count == left {
                 self.filling.pop_front();
             }
+            segments.push(segment);
         }
         if segments.is_empty() {
             return None;
         }
+        let run = |&Segment { slot, first, count }: &Segment| self.slots[slot].work.packet().run(first..first + count);
+        let samples = Samples::of(&segments.iter().map(run).collect::<Vec<_>>());
         self.under_way.insert(self.tickets, segments);
         self.tickets += 1;
-        Some(packet)
+        Some(Packet { ticket: self.tickets - 1, content: Content::Samples(samples), ..Packet::default() })
     }
 
-    fn finish(&mut self, ticket: u32, masks: Vec<u64>) {
+    fn finish(&mut self, ticket: u32, answers: Answers) {
+        let Answers::Masks(masks) = answers else { return };
         let mut masks = masks.as_slice();
         for Segment { slot, first, count } in self.under_way.remove(&ticket).unwrap_or_default() {
             let Slot { work, home, .. } = &mut self.slots[slot];
             let (these, others) = masks.split_at(count);
-            work.packet().masks_mut()[first..first + count].copy_from_slice(these);
+            work.packet_mut().masks_mut()[first..first + count].copy_from_slice(these);
             masks = others;
             *home += count;
             if *home == work.packet().masks().len() {

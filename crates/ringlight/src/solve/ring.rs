@@ -1,18 +1,21 @@
 //! A rank in its ring: the geometry that it holds, and how its clusters come to see a shot.
 
-use super::exchange::{Parts, RingExchange};
+use super::exchange::{Part, RingExchange};
 use super::receiving::Receiving;
 use super::share::{Share, Spread};
+use super::walking::{self, Group, Walking};
+use crate::mesh::walk::Walk;
 use crate::mesh::{self, Mesh};
-use crate::ring::{Bounds, Piece, Visits, deal, outline};
+use crate::ring::{Bounds, Piece, ShardBox, Visits, deal, outline};
 use crate::shooting::{self, ClusterLight, Shot, Work};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
-use ringlight_visibility::{Hierarchy, Tally};
+use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Shooter, Tally};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Boxes that describe a shard to the other members.
-const OUTLINE: usize = 16;
+const OUTLINE: usize = 64;
 
 /// Most pieces that geometry is dealt out in: every member knows the holder of each.
 const PIECES: usize = 1 << 16;
@@ -29,28 +32,27 @@ pub struct Ring<'a> {
     /// None in a ring of one, which holds everything.
     spread: Option<Wider<'a>>,
     tally: Tally,
-    whole: Option<Hierarchy>,
 }
 
 /// What a ring of several members needs.
 struct Wider<'a> {
     exchange: RingExchange,
-    outlines: Arc<Vec<Vec<Bounds>>>,
+    outlines: Arc<Vec<Vec<ShardBox>>>,
     packet_size: usize,
-    parts: Parts<Receiving<'a>>,
+    /// Shots under way, by the number of their job.
+    receiving: BTreeMap<u64, Receiving<'a>>,
+    /// Jobs so far.
+    jobs: u64,
 }
+
+/// A job under way: what the ring is asked for one shooter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Job(u64);
 
 impl<'a> Ring<'a> {
     /// Of a rank that is alone and holds all geometry.
     pub fn alone(mesh: &'a Mesh, hierarchy: Arc<Hierarchy>) -> Ring<'a> {
-        Ring {
-            mesh,
-            share: Arc::new(Share::new(mesh, 0, 1)),
-            hierarchy,
-            spread: None,
-            tally: Tally::default(),
-            whole: None,
-        }
+        Ring { mesh, share: Arc::new(Share::new(mesh, 0, 1)), hierarchy, spread: None, tally: Tally::default() }
     }
 
     /// Of rank `rank`: builds the hierarchy over its shard.
@@ -75,16 +77,10 @@ impl<'a> Ring<'a> {
             exchange: RingExchange::new(spread.rings, rank, spread.routing, spread.window),
             outlines,
             packet_size: spread.packet_size,
-            parts: Parts::new(),
+            receiving: BTreeMap::new(),
+            jobs: 0,
         };
-        Ring {
-            mesh,
-            share,
-            hierarchy: Arc::new(hierarchy),
-            spread: Some(wider),
-            tally: Tally::default(),
-            whole: Some(mesh::hierarchy(mesh)),
-        }
+        Ring { mesh, share, hierarchy: Arc::new(hierarchy), spread: Some(wider), tally: Tally::default() }
     }
 
     /// The scene.
@@ -102,11 +98,6 @@ impl<'a> Ring<'a> {
         &self.hierarchy
     }
 
-    /// TEMPORARY
-    pub fn whole(&self) -> &Hierarchy {
-        self.whole.as_ref().unwrap_or(&self.hierarchy)
-    }
-
     /// Counts of visibility tests made here so far.
     pub fn tally(&self) -> Tally {
         self.spread.as_ref().map_or(self.tally, |wider| wider.exchange.tally())
@@ -117,47 +108,102 @@ impl<'a> Ring<'a> {
         self.spread.as_ref().map_or(Visits::default(), |wider| wider.exchange.visits())
     }
 
-    /// Begins to find what own clusters see of shot number `number`.
-    pub fn begin(&mut self, number: u64, shot: &Arc<Shot>) {
-        let Some(wider) = &mut self.spread else { return };
-        wider.exchange.begin(number, &shot.shooter, wider.outlines.clone(), self.hierarchy.clone());
+    /// Begins to find what own clusters see of a shot. Every rank calls it.
+    pub fn begin(&mut self, shot: &Arc<Shot>) -> Job {
+        let Some(wider) = &mut self.spread else { return Job(0) };
+        let job = wider.begin(&shot.shooter, &self.hierarchy);
         let compact = wider.exchange.wants_compact_packets();
         let part = Receiving::new(self.mesh, self.share.clone(), shot.clone(), wider.packet_size, compact);
-        wider.parts.insert(number, part);
+        wider.receiving.insert(job, part);
+        Job(job)
     }
 
-    /// Does what can be done now for the shots that have begun; false if there is nothing to do before a message comes.
+    /// Does what can be done now for what has begun; false if there is nothing to do before a message comes.
     pub fn serve(&mut self, ranks: &mut Communicator<'_>) -> Result<bool, Failure> {
-        self.spread.as_mut().map_or(Ok(false), |wider| wider.exchange.serve(ranks, &mut wider.parts))
+        let mesh = self.mesh;
+        self.spread.as_mut().map_or(Ok(false), |wider| wider.serve(ranks, mesh, None))
     }
 
-    /// Adds to `light`, the light of own clusters, what they receive from shot number `number`.
+    /// Adds to `light`, the light of own clusters, what they receive from a shot. Every rank calls it, in the order in which
+    /// the shots began.
     pub fn commit(
         &mut self,
         ranks: &mut Communicator<'_>,
-        number: u64,
+        Job(job): Job,
         shot: &Shot,
         light: &mut [ClusterLight],
     ) -> Result<(), Failure> {
-        let Some(Wider { exchange, parts, .. }) = &mut self.spread else {
+        let Some(wider) = &mut self.spread else {
             self.tally = self.tally.join(receive(self.mesh, &self.share, &self.hierarchy, shot, light));
             return Ok(());
         };
         let many = SEEN * rayon::current_num_threads();
-        while !exchange.is_over(number) {
-            let busy = exchange.serve(ranks, parts)?;
-            let Some(part) = parts.get_mut(&number) else { break };
+        while !wider.exchange.is_over(job) {
+            let busy = wider.serve(ranks, self.mesh, None)?;
+            let Some(part) = wider.receiving.get_mut(&job) else { break };
             if part.seen() >= many || !busy && part.seen() > 0 {
                 part.add_seen(light);
-            } else if !busy && !exchange.is_over(number) {
-                exchange.wait(ranks)?;
+            } else if !busy && !wider.exchange.is_over(job) {
+                wider.exchange.wait(ranks)?;
             }
         }
-        if let Some(mut part) = parts.remove(&number) {
+        if let Some(mut part) = wider.receiving.remove(&job) {
             part.add_seen(light);
         }
-        exchange.end(number);
+        wider.exchange.end(job);
         Ok(())
+    }
+
+    /// Follows walks of this rank to their ends, and helps others with theirs. Every rank of the ring calls it.
+    pub(super) fn walk<Purpose: Send, W: Walk + Send>(
+        &mut self,
+        ranks: &mut Communicator<'_>,
+        groups: impl Iterator<Item = Group<Purpose, W>>,
+        end: impl FnMut(Purpose, Vec<W>),
+    ) -> Result<(), Failure> {
+        let Some(wider) = &mut self.spread else {
+            walking::run(self.mesh, &self.hierarchy, groups, end);
+            return Ok(());
+        };
+        let nothing = Shooter { cells: Cells::Points(Vec::new()), plane: NO_PLANE, far: 1.0 };
+        let job = wider.begin(&nothing, &self.hierarchy);
+        let mut part = Walking::new(groups, end);
+        while !wider.exchange.is_over(job) {
+            if !wider.serve(ranks, self.mesh, Some((job, &mut part)))? && !wider.exchange.is_over(job) {
+                wider.exchange.wait(ranks)?;
+            }
+        }
+        wider.exchange.end(job);
+        Ok(())
+    }
+
+    /// Most rays of a packet.
+    pub(super) fn packet_size(&self) -> usize {
+        self.spread.as_ref().map_or(usize::MAX, |wider| wider.packet_size)
+    }
+}
+
+impl Wider<'_> {
+    /// Begins a job about a shooter.
+    fn begin(&mut self, shooter: &Shooter, hierarchy: &Arc<Hierarchy>) -> u64 {
+        self.jobs += 1;
+        self.exchange.begin(self.jobs, shooter, self.outlines.clone(), hierarchy.clone());
+        self.jobs
+    }
+
+    /// Serves all shots under way, and one more job.
+    fn serve(
+        &mut self,
+        ranks: &mut Communicator<'_>,
+        mesh: &Mesh,
+        last: Option<(u64, &mut dyn Part)>,
+    ) -> Result<bool, Failure> {
+        let mut parts: Vec<(u64, &mut dyn Part)> = Vec::new();
+        self.receiving.iter_mut().for_each(|(&job, part)| parts.push((job, part)));
+        if let Some((job, part)) = last {
+            parts.push((job, part));
+        }
+        self.exchange.serve(ranks, mesh, &mut parts)
     }
 }
 
@@ -170,5 +216,7 @@ fn receive(mesh: &Mesh, share: &Share, hierarchy: &Hierarchy, shot: &Shot, light
 
 fn piece(facets: &[mesh::Facet]) -> Piece {
     let triangles = facets.iter().map(|f| if f.corners[3] == f.corners[0] { 1 } else { 2 }).sum();
-    Piece { bounds: Bounds::around(facets.iter().flat_map(|f| f.corners).map(|c| c.to_array())), triangles }
+    let plane = facets.first().map(|f| f.plane).filter(|&plane| facets.iter().all(|f| f.plane == plane));
+    let bounds = Bounds::around(facets.iter().flat_map(|f| f.corners).map(|c| c.to_array()));
+    Piece { bounds, triangles, plane: plane.unwrap_or(NO_PLANE) }
 }

@@ -1,9 +1,10 @@
 //! What a solver works on.
 
-use super::{Energy, ExactSum, Ring, Share, SolveSettings};
+use super::{Energy, Ring, Share, SolveSettings};
 use crate::mesh::Mesh;
+use crate::quantity::ExactSum;
 use crate::scene::Light;
-use crate::shooting::{self, ClusterLight, Emitter, unshot_power};
+use crate::shooting::{self, Audit, ClusterLight, Emitter, unshot_power};
 use crate::transport::{Communicator, Failure};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -30,8 +31,13 @@ pub struct World<'a> {
 const ENTRY_RAYS: u32 = 1 << 14;
 
 impl<'a> World<'a> {
-    /// Puts a world together, of a rank in its ring.
-    pub fn new(ring: &Ring<'a>, lights: &[Light], settings: SolveSettings) -> World<'a> {
+    /// Puts a world together, of a rank in its ring. Every rank calls it.
+    pub fn new(
+        ring: &mut Ring<'a>,
+        lights: &[Light],
+        settings: SolveSettings,
+        ranks: &mut Communicator<'_>,
+    ) -> Result<World<'a>, Failure> {
         let mesh = ring.mesh();
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
         let high = mesh.clusters.iter().fold(DVec3::NEG_INFINITY, |a, c| a.max(c.high.as_dvec3()));
@@ -41,13 +47,14 @@ impl<'a> World<'a> {
             emitters.extend(shooting::skies(radiance, settings.cells.isqrt(), radius));
         }
         // Of light from infinity only what meets the scene counts as emitted.
-        emitters.par_iter_mut().for_each(|e| {
-            if let Cells::Directions(_) = e.shooter.cells {
-                e.power *= 1.0 - shooting::audit(mesh, ring.whole(), e, ENTRY_RAYS, centre, radius).escaped_at_once;
-            }
-        });
+        let comes_from_infinity = |e: &&Emitter| matches!(e.shooter.cells, Cells::Directions(_));
+        let entering = emitters.iter().filter(comes_from_infinity);
+        let audits: Vec<Audit<'_>> = entering.map(|e| Audit::new(mesh, e, ENTRY_RAYS, centre, radius)).collect();
+        let fates = ring.follow(ranks, &audits)?;
+        let entering = emitters.iter_mut().filter(|e| comes_from_infinity(&&**e));
+        entering.zip(fates).for_each(|(emitter, fate)| emitter.power *= 1.0 - fate.shares().escaped_at_once);
         let emitters = emitters.into_iter().map(Arc::new).collect();
-        World { mesh, share: ring.share().clone(), emitters, centre, radius, settings }
+        Ok(World { mesh, share: ring.share().clone(), emitters, centre, radius, settings })
     }
 
     /// Power of the lights that are not surfaces, but for the first `shot`, W or lm.
@@ -106,7 +113,7 @@ impl State {
             c.patches.iter().for_each(|p| sum.add(p.unshot_power));
             sum
         });
-        let sum = here.reduce(ExactSum::default, ExactSum::join).of_all(ranks)?;
+        let sum = of_all(here.reduce(ExactSum::default, ExactSum::join), ranks)?;
         Ok(sum.join(world.unshot(self.emitters_shot)).value())
     }
 
@@ -134,9 +141,8 @@ impl State {
                 }
                 sum
             })
-            .reduce(ExactSum::default, ExactSum::join)
-            .of_all(ranks)?
-            .value();
+            .reduce(ExactSum::default, ExactSum::join);
+        let absorbed = of_all(absorbed, ranks)?.value();
         let unshot = self.unshot(world, ranks)?;
         let accounted = absorbed + self.absorbed_by_backs + self.escaped + unshot;
         Ok(Energy {
@@ -148,4 +154,13 @@ impl State {
             closure_error: if self.emitted > 0.0 { (self.emitted - accounted) / self.emitted } else { 0.0 },
         })
     }
+}
+
+/// Tag of the messages that join sums.
+const SUM: u32 = 6;
+
+/// The sum of all ranks; each calls it.
+fn of_all(sum: ExactSum, ranks: &mut Communicator<'_>) -> Result<ExactSum, Failure> {
+    let join = |a, b| ExactSum(i128::from_le_bytes(a)).join(ExactSum(i128::from_le_bytes(b))).0.to_le_bytes();
+    Ok(ExactSum(i128::from_le_bytes(ranks.all_reduce(SUM, sum.0.to_le_bytes(), join)?)))
 }

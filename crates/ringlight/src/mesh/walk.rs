@@ -1,0 +1,78 @@
+//! Walks: rays that are followed one after the other, because where one goes depends on what the one before has met.
+//!
+//! A walk asks for one nearest hit at a time and is told. Who finds the hits is not its business: on one rank a walk is
+//! run to its end at once; over a ring many are under way together.
+
+use super::{Mesh, look};
+use ringlight_visibility::{Hierarchy, Hit, Ray, Triangle};
+
+/// A question: what a ray hits first, of the triangles that a rule admits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Query {
+    /// The ray.
+    pub ray: Ray,
+    /// What it may hit.
+    pub rule: Rule,
+}
+
+/// Which triangles a ray may hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rule {
+    /// All.
+    All,
+    /// Those in the plane of this patch that look the same way and have the light where both lie in each other.
+    Overlaying(u32),
+    /// Those in the plane of this patch that face it.
+    Facing(u32),
+}
+
+/// Rays of which each depends on the hits before.
+pub trait Walk {
+    /// What it asks now; none once it is over.
+    fn query(&self) -> Option<Query>;
+    /// Takes the nearest hit, if there is one, of what it asks now.
+    fn answer(&mut self, hit: Option<Hit>);
+}
+
+/// The nearest hit among the triangles held here. Whoever knows the mesh can tell what a rule admits.
+pub fn nearest_hit(mesh: &Mesh, hierarchy: &Hierarchy, Query { ray, rule }: &Query) -> Option<Hit> {
+    let in_plane_of = |patch: u32, admits: fn(&Mesh, u32, u32) -> bool| {
+        let facet = mesh.patch_facets[patch as usize] >> 1;
+        let plane = mesh.facets[facet as usize].plane;
+        let admitted = |t: &Triangle| t.plane == plane && t.id >> 1 != facet && admits(mesh, patch, t.id >> 1);
+        hierarchy.nearest_hit_where(ray, admitted)
+    };
+    match *rule {
+        Rule::All => hierarchy.nearest_hit(ray),
+        Rule::Overlaying(patch) => in_plane_of(patch, look::overlays),
+        Rule::Facing(patch) => in_plane_of(patch, look::faces),
+    }
+}
+
+/// Runs a walk to its end where all triangles are held.
+pub fn run<W: Walk>(mesh: &Mesh, hierarchy: &Hierarchy, mut walk: W) -> W {
+    while let Some(query) = walk.query() {
+        walk.answer(nearest_hit(mesh, hierarchy, &query));
+    }
+    walk
+}
+
+impl Rule {
+    /// The rule in two words, for those who pass it on without knowing what it means.
+    pub fn to_words(self) -> [u32; 2] {
+        match self {
+            Rule::All => [0, 0],
+            Rule::Overlaying(patch) => [1, patch],
+            Rule::Facing(patch) => [2, patch],
+        }
+    }
+
+    /// The inverse of [`Rule::to_words`].
+    pub fn from_words([kind, patch]: [u32; 2]) -> Rule {
+        match kind {
+            0 => Rule::All,
+            1 => Rule::Overlaying(patch),
+            _ => Rule::Facing(patch),
+        }
+    }
+}
