@@ -22,6 +22,12 @@ pub fn run(root: &Path) -> Result<()> {
         "--workspace --exclude ringlight-mpi"
     };
     cargo("lints", &format!("clippy {packages} --all-targets --quiet -- -D warnings"))?;
+    if tools.message_passing {
+        cargo(
+            "lints of the command over MPI",
+            "clippy -p ringlight-cli --features mpi --all-targets --quiet -- -D warnings",
+        )?;
+    }
     let mut documentation = command(root, env!("CARGO"), &format!("doc {packages} --no-deps --quiet"));
     documentation.env("RUSTDOCFLAGS", "-D warnings");
     step("documentation", documentation)?;
@@ -31,6 +37,9 @@ pub fn run(root: &Path) -> Result<()> {
         println!("== scenes: not validated, because Node.js and npm are missing");
     }
     cargo("examples in the documentation", &format!("test {packages} --doc --release --quiet"))?;
+    if tools.message_passing {
+        cargo("tests of the command over MPI", "test -p ringlight-cli --features mpi --test mpirun --release --quiet")?;
+    }
     if tools.nextest {
         cargo("tests", &format!("nextest run {packages} --release --no-fail-fast"))
     } else {

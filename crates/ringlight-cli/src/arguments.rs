@@ -5,7 +5,7 @@ mod choices;
 pub use choices::*;
 
 use crate::outputs::Output;
-use crate::values::{self, CheckpointChoice, ExposureChoice, Matrix, PictureSize};
+use crate::values::{self, CheckpointChoice, ExposureChoice, Matrix, PictureSize, RingsChoice};
 use clap::{Args, Parser, Subcommand};
 use ringlight::probe::GridRequest;
 use std::path::PathBuf;
@@ -65,7 +65,8 @@ Examples:
   ringlight bake office.glb -o office-lit.glb
   ringlight bake office.glb -o office.ringlight -o office.png --camera desk --report office.json
   ringlight bake house.obj --unit cm --sky 3000 -o house.csv --quality draft
-  ringlight bake church.glb -o church.ringlight --checkpoint church-part.ringlight@30 --time-limit 3600";
+  ringlight bake church.glb -o church.ringlight --checkpoint church-part.ringlight@30 --time-limit 3600
+  mpirun -n 8 ringlight bake city.glb -o city.ringlight --memory-per-rank 4GiB      needs a build with MPI";
 
 const RESUME_EXAMPLES: &str = "\
 Examples:
@@ -130,6 +131,8 @@ pub struct Bake {
     #[command(flatten)]
     pub display: DisplayArguments,
     #[command(flatten)]
+    pub spread: SpreadArguments,
+    #[command(flatten)]
     pub running: RunArguments,
 }
 
@@ -147,6 +150,8 @@ pub struct Resume {
     pub stop: StopArguments,
     #[command(flatten)]
     pub display: DisplayArguments,
+    #[command(flatten)]
+    pub spread: SpreadArguments,
     #[command(flatten)]
     pub running: RunArguments,
 }
@@ -323,6 +328,9 @@ pub struct MethodArguments {
     /// What a patch shoots: the light of its elements, or their average everywhere
     #[arg(long, value_enum, default_value = "elements")]
     pub shoot: ShootChoice,
+    /// Most shots under way at once, so that many ranks need not wait for each other; decides the order of shots
+    #[arg(long, value_name = "K", default_value = "1", value_parser = values::shooters)]
+    pub shooters_in_flight: u32,
     /// Radiance of a uniform sky above the horizon, one number or R,G,B
     #[arg(long, value_name = "RADIANCE", value_parser = values::radiance)]
     pub sky: Option<[f32; 3]>,
@@ -365,10 +373,34 @@ pub struct DisplayArguments {
     pub false_colour: Option<FalseColourChoice>,
 }
 
+/// How the work is spread over ranks. Nothing of it changes the result.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct SpreadArguments {
+    /// Ranks, as threads of this process; each has a share of the light and of the geometry. Under an MPI launcher its -n says
+    /// how many there are
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub ranks: Option<usize>,
+    /// Rings into which the ranks are divided; each ring holds the whole geometry. auto: as many as memory allows
+    #[arg(long, value_name = "R|auto", default_value = "auto", value_parser = values::rings)]
+    pub rings: RingsChoice,
+    /// Memory that a rank may use, as in 2GiB or 500MB; by default its share of what the system has left
+    #[arg(long, value_name = "SIZE", value_parser = values::memory)]
+    pub memory_per_rank: Option<u64>,
+    /// Most sample points that travel between ranks and are tested together; a good number by default
+    #[arg(long, value_name = "N", value_parser = values::packet_size)]
+    pub packet_size: Option<usize>,
+    /// How geometry is dealt out in a ring
+    #[arg(long, value_enum, default_value = "spatial")]
+    pub shards: ShardsChoice,
+    /// Which members of a ring a packet visits
+    #[arg(long, value_enum, default_value = "boxes")]
+    pub routing: RoutingChoice,
+}
+
 /// How the command runs.
 #[derive(Debug, Args)]
 pub struct RunArguments {
-    /// Threads; all cores by default. The result does not depend on it
+    /// Threads of each rank; its share of the cores by default. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
     /// Write the solution to FILE as it goes, every SECONDS (60 by default) and at the end

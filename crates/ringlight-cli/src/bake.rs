@@ -12,19 +12,19 @@ use ringlight::mesh::{self, Mesh};
 use ringlight::scene::{Place, Warnings};
 use ringlight::shooting::Shoot;
 use ringlight::solution::{Description, Solution};
-use ringlight::solve::{Ring, SolveSettings, State, World};
+use ringlight::solve::{SolveSettings, State, World};
 use ringlight::transport::Communicator;
-use std::sync::Arc;
 
 /// Bakes.
-pub fn bake(arguments: &Bake) -> Result<End, Failure> {
-    let mut run = Run::begin(&arguments.running)?;
+pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
+    let mut run = Run::begin(&arguments.running, &arguments.spread, ranks)?;
     let path = arguments.scene.as_path();
-    outputs::check(&arguments.targets, &Others { scene: Some(path), ..run.others() })?;
+    let others = Others { scene: Some(path), ..run.others() };
+    run.on_first_rank(|| outputs::check(&arguments.targets, &others))?;
     let scratch = arguments.sizes.scratch.as_deref().map(FileScratch::new);
     let store = scratch.as_ref().map_or(Store::Heap, |scratch| Store::Scratch(scratch));
     let (scene, read) = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit, store))?;
-    outputs::check_inputs(&arguments.targets, &run.others(), &read)?;
+    run.on_first_rank(|| outputs::check_inputs(&arguments.targets, &others, &read))?;
     run.warn(&scene.warnings);
     outputs::check_camera(&arguments.display, &scene.cameras)?;
     let options = input::mesh_options(&arguments.sizes);
@@ -36,38 +36,34 @@ pub fn bake(arguments: &Bake) -> Result<End, Failure> {
     if !input::has_light(&scene, &mesh, settings.sky) {
         return Err(input::no_light(path));
     }
+    run.choose_rings(&mesh)?;
     let description = Description::new(&scene);
     let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
     // The geometry is in the mesh now.
     drop(scene);
-    let hierarchy = run.stage(Stage::Build, |_| {
-        let hierarchy = mesh::hierarchy(&mesh);
-        mesh::find_valid_samples(&mut mesh, &hierarchy);
-        hierarchy
-    });
-    let hierarchy = Arc::new(hierarchy);
-    let ranks = &mut Communicator::alone();
-    let mut ring = Ring::alone(&mesh, hierarchy.clone());
-    let world = run.stage(Stage::Build, |_| World::new(&mut ring, &description.lights, settings, ranks))?;
-    let state = State::new(&world, ranks)?;
+    let hierarchy = run.stage(Stage::Build, |run| run.find_valid_samples(&mut mesh))?;
+    let mut ring = run.ring(&mesh, Some(hierarchy));
+    let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
+    let state = State::new(&world, run.ranks)?;
     if state.emitted <= 0.0 {
         let mut dark = Warnings::default();
         let message = "no light leaves the lamps: they are covered by other geometry, or shine past the scene";
         dark.add("no-light-leaves", message, Place::new(path.display().to_string(), ""));
         run.warn(&dark);
     }
-    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop, ranks)?;
+    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
+    let hierarchy = run.whole_hierarchy(&ring);
     drop((world, ring));
     let end = (solved.progress, solved.reason);
     let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
-    let outcome = run.write(&Content::new(&solution, &arguments.display, Some(hierarchy)), &arguments.targets);
+    let outcome = run.write(&Content::new(&solution, &arguments.display, hierarchy), &arguments.targets);
     let mut reported = run::settings(&settings, &solution.mesh, &arguments.stop);
     let quality = arguments.sizes.quality;
     reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());
     if let Some(unit) = arguments.sizes.unit {
         reported.insert("unit".into(), format!("{unit:?}").to_lowercase().into());
     }
-    run.end(&solution, end, reported.into(), outcome)
+    run.end(&solution, end, reported, outcome)
 }
 
 /// The settings that decide the result.
@@ -80,7 +76,7 @@ pub fn settings(method: &MethodArguments, quality: QualityChoice) -> SolveSettin
         cells: method.cells.unwrap_or(input::default_cells(quality)),
         shoot,
         sky: method.sky,
-        shooters_in_flight: 1,
+        shooters_in_flight: method.shooters_in_flight,
     }
 }
 

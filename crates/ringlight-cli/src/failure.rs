@@ -3,7 +3,6 @@
 use ringlight::scene::SceneError;
 use ringlight::transport;
 use std::fmt;
-use std::process::ExitCode;
 
 /// Ends with valid output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,14 +17,15 @@ pub enum End {
     Terminated,
 }
 
-impl From<End> for ExitCode {
-    fn from(end: End) -> ExitCode {
-        ExitCode::from(match end {
+impl End {
+    /// The exit code.
+    pub fn code(self) -> u8 {
+        match self {
             End::Done => 0,
             End::StoppedEarly => 4,
             End::Interrupted => 130,
             End::Terminated => 143,
-        })
+        }
     }
 }
 
@@ -38,16 +38,18 @@ pub enum Failure {
     Scene(SceneError),
     /// Anything else.
     Other(anyhow::Error),
+    /// Something panicked.
+    Bug(String),
 }
 
 impl Failure {
     /// The exit code.
-    pub fn code(&self) -> ExitCode {
-        ExitCode::from(match self {
+    pub fn code(&self) -> u8 {
+        match self {
             Failure::Usage(_) => 2,
             Failure::Scene(error) if !error.lacks_memory => 3,
-            Failure::Scene(_) | Failure::Other(_) => 1,
-        })
+            Failure::Scene(_) | Failure::Other(_) | Failure::Bug(_) => 1,
+        }
     }
 }
 
@@ -58,6 +60,9 @@ impl fmt::Display for Failure {
             Failure::Scene(error) => error.fmt(f),
             // The causes on one line, outermost first.
             Failure::Other(error) => write!(f, "{error:#}"),
+            Failure::Bug(panic) => {
+                write!(f, "this is a bug in ringlight: {panic}; please report it with the command line")
+            }
         }
     }
 }

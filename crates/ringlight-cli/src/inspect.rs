@@ -6,17 +6,19 @@ use crate::estimate;
 use crate::failure::{End, Failure};
 use crate::input;
 use crate::progress::duration;
-use crate::run::{occluding_triangles, warning};
+use crate::run::warning;
 use crate::scratch::FileScratch;
+use crate::spread::in_words;
 use ringlight::column::Store;
-use ringlight::mesh::{self, Facet, Mesh};
+use ringlight::mesh::{self, Mesh};
 use ringlight::output::report::{ReportedWarning, SceneReport, Units, warnings};
+use ringlight::plan::Counts;
+use ringlight::ring::Rings;
 use ringlight::scene::{LightKind, Scene, Surface};
-use ringlight::shooting::{self, ElementLight, PatchLight};
+use ringlight::shooting;
 use ringlight::solution::Description;
 use ringlight::solve::{self, Control, Observer, Ring, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
-use ringlight_visibility::Triangle;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
@@ -45,7 +47,16 @@ struct Inspection {
     clusters: usize,
     cells: u32,
     memory_bytes: u64,
+    memory_per_rank: Vec<RankMemory>,
     forecast: Option<Forecast>,
+}
+
+/// Memory of each of so many ranks in so many rings.
+#[derive(Serialize)]
+struct RankMemory {
+    ranks: usize,
+    rings: usize,
+    bytes: u64,
 }
 
 /// Something with a name.
@@ -102,6 +113,11 @@ impl Inspection {
             LightKind::Spot { .. } => "spot",
             LightKind::Directional { .. } => "directional",
         };
+        let demand = Counts::of(mesh).demand();
+        let memory = |ranks, rings| {
+            let bytes = Rings::new(ranks, rings).map_or(0, |rings| demand.of_a_rank(rings));
+            RankMemory { ranks, rings, bytes }
+        };
         let camera = |field_of_view: f64| if field_of_view > 0.0 { "perspective" } else { "orthographic" };
         Inspection {
             file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
@@ -123,7 +139,11 @@ impl Inspection {
             element_size: mesh.sizes.element,
             clusters: mesh.clusters.len(),
             cells: settings.cells,
-            memory_bytes: memory(mesh),
+            memory_bytes: memory(1, 1).bytes,
+            memory_per_rank: (1..=4)
+                .flat_map(|ranks| (0..=ranks).map(move |rings| (1 << ranks, 1 << rings)))
+                .map(|(ranks, rings)| memory(ranks, rings))
+                .collect(),
             forecast: None,
         }
     }
@@ -150,7 +170,9 @@ impl Inspection {
             "elements     {} up to {:.3} m, in {} clusters",
             scene.elements, self.element_size, self.clusters
         )?;
-        writeln!(out, "memory       about {:.0} MiB", (self.memory_bytes as f64 / f64::from(1 << 20)).ceil())?;
+        let single = self.memory_per_rank.iter().filter(|memory| memory.rings == 1);
+        let single: Vec<String> = single.map(|m| format!("{} on each of {}", in_words(m.bytes), m.ranks)).collect();
+        writeln!(out, "memory       about {}; in a ring {}", in_words(self.memory_bytes), single.join(", "))?;
         match &self.forecast {
             None => {
                 writeln!(out, "solve        nothing shines: bake would refuse the scene; --sky RADIANCE lights it")?
@@ -180,19 +202,6 @@ fn list(named: &[Named]) -> String {
         names.push(format!("{} more", named.len() - SHOWN));
     }
     names.join(", ")
-}
-
-/// Memory of mesh, light and hierarchy, bytes: what is stored, counted. The hierarchy's nodes are taken to be as large as
-/// its triangles.
-fn memory(mesh: &Mesh) -> u64 {
-    let elements = mesh.element_count() * (size_of::<ElementLight>() + size_of::<u16>());
-    let patches = mesh.patch_count() * (size_of::<u32>() + size_of::<PatchLight>());
-    let facets = mesh.facets.len() * size_of::<Facet>();
-    let textured = size_of_val(mesh.base_uv.as_slice())
-        + size_of_val(mesh.emission_uv.as_slice())
-        + size_of_val(mesh.vertex_colours.as_slice())
-        + size_of_val(mesh.colours.as_slice());
-    (elements + patches + facets + textured) as u64 + occluding_triangles(mesh) * 2 * size_of::<Triangle>() as u64
 }
 
 /// Ends a trial when it has taken its time.

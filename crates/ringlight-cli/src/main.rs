@@ -8,6 +8,7 @@ mod failure;
 mod files;
 mod input;
 mod inspect;
+mod launch;
 mod machine;
 mod map;
 mod outputs;
@@ -17,53 +18,52 @@ mod resume;
 mod run;
 mod scratch;
 mod signals;
+mod spread;
 mod values;
 mod viewfactors;
+mod watch;
 
 use arguments::{Arguments, Verb};
 use clap::{CommandFactory, Parser};
 use failure::{End, Failure};
+use launch::Launch;
+use ringlight::transport::Communicator;
 use std::io::Write;
-use std::panic::{self, AssertUnwindSafe};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
     machine::watch_private_memory();
-    let arguments = Arguments::parse();
-    panic::set_hook(Box::new(|panic| {
-        complain(&format!("this is a bug in ringlight: {panic}; please report it with the command line"));
-    }));
-    // Unwinding removes files that are half-written.
-    match panic::catch_unwind(AssertUnwindSafe(|| act(&arguments.verb))) {
-        Ok(Ok(end)) => end.into(),
-        Ok(Err(failure)) => {
-            complain(&failure.to_string());
-            failure.code()
-        }
-        Err(_) => ExitCode::FAILURE,
+    let verb = match Arguments::try_parse() {
+        Ok(arguments) => arguments.verb,
+        Err(error) if launch::speaks() => error.exit(),
+        Err(_) => return ExitCode::SUCCESS,
+    };
+    launch::catch_panics();
+    match place(&verb) {
+        Ok((launch, threads)) => launch.run(threads, &|ranks| act(&verb, ranks)),
+        Err(failure) => launch::refuse(&failure),
     }
 }
 
-/// Prints an error; a closed standard error is no reason to fail differently.
-fn complain(message: &str) {
-    writeln!(std::io::stderr(), "error: {message}").ok();
+/// Where to run, and with how many threads.
+fn place(verb: &Verb) -> Result<(Launch, Option<usize>), Failure> {
+    let (name, threads) = match verb {
+        Verb::Bake(bake) => return Ok((Launch::spread(bake.spread.ranks)?, bake.running.threads)),
+        Verb::Resume(resume) => return Ok((Launch::spread(resume.spread.ranks)?, resume.running.threads)),
+        Verb::Export(export) => ("export", export.threads),
+        Verb::Render(export) => ("render", export.threads),
+        Verb::Probe(probe) => ("probe", probe.threads),
+        Verb::Inspect(inspect) => ("inspect", inspect.threads),
+        Verb::ViewFactors(factors) => ("viewfactors", factors.threads),
+        Verb::Completions { .. } => ("completions", Some(1)),
+    };
+    Ok((Launch::alone(name)?, threads))
 }
 
-fn act(verb: &Verb) -> Result<End, Failure> {
-    let threads = match verb {
-        Verb::Bake(bake) => bake.running.threads,
-        Verb::Resume(resume) => resume.running.threads,
-        Verb::Export(export) | Verb::Render(export) => export.threads,
-        Verb::Probe(probe) => probe.threads,
-        Verb::Inspect(inspect) => inspect.threads,
-        Verb::ViewFactors(factors) => factors.threads,
-        Verb::Completions { .. } => None,
-    };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build_global();
-    pool.map_err(|error| anyhow::Error::new(error).context("threads cannot be started"))?;
+fn act(verb: &Verb, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
     match verb {
-        Verb::Bake(bake) => bake::bake(bake),
-        Verb::Resume(resume) => resume::resume(resume),
+        Verb::Bake(bake) => bake::bake(bake, ranks),
+        Verb::Resume(resume) => resume::resume(resume, ranks),
         Verb::Export(export) => export::export(export),
         Verb::Render(export) => export::render(export),
         Verb::Probe(probe) => probe::probe(probe),

@@ -1,28 +1,41 @@
 //! A run: scene or solution → light → files, stage by stage, timed.
 
-use crate::arguments::{RunArguments, StopArguments, Targets};
+use crate::arguments::{ProgressChoice, RunArguments, SpreadArguments, StopArguments, Targets};
 use crate::failure::{End, Failure};
 use crate::files;
+use crate::launch::COMMAND;
 use crate::machine;
 use crate::outputs::{self, Content, Others, Written};
 use crate::progress::{Reporter, Stage};
 use crate::signals::Signals;
-use crate::values::CheckpointChoice;
+use crate::spread;
+use crate::watch::{Checkpoint, Watch, whole_state};
 use anyhow::Context;
 use ringlight::mesh::Mesh;
 use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units};
+use ringlight::plan::Counts;
+use ringlight::ring::Rings;
 use ringlight::scene::{Place, Warnings};
-use ringlight::solution::{self, Description, Snapshot, Solution};
-use ringlight::solve::{
-    self, Control, Energy, Observer, Progress, Ring, SolveSettings, State, StopReason, StopRule, World,
-};
-use ringlight::transport::{Communicator, Failure as RankFailure};
+use ringlight::solution::{self, Description, Solution};
+use ringlight::solve::{self, Energy, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::transport::Communicator;
+use ringlight_visibility::Hierarchy;
 use std::io::Write;
+use std::sync::Arc;
 use std::time::Instant;
 
+/// Settings by name, as the report shows them.
+pub type Settings = serde_json::Map<String, serde_json::Value>;
+
 /// What lasts from the start of a command to its end.
-pub struct Run<'a> {
+pub struct Run<'a, 'b> {
     arguments: &'a RunArguments,
+    spread: &'a SpreadArguments,
+    /// The way to the other ranks.
+    pub ranks: &'a mut Communicator<'b>,
+    rings: Rings,
+    /// What this rank has to report, as far as it is known.
+    own: RankReport,
     start: Instant,
     signals: Signals,
     reporter: Reporter,
@@ -42,14 +55,46 @@ pub struct Solved {
     pub reason: StopReason,
 }
 
-impl<'a> Run<'a> {
-    /// Begins.
-    pub fn begin(arguments: &'a RunArguments) -> Result<Run<'a>, Failure> {
+impl<'a, 'b> Run<'a, 'b> {
+    /// Begins, on every rank; only the first one speaks and writes.
+    pub fn begin(
+        arguments: &'a RunArguments,
+        spread: &'a SpreadArguments,
+        ranks: &'a mut Communicator<'b>,
+    ) -> Result<Run<'a, 'b>, Failure> {
         let start = Instant::now();
+        spread::check(spread, ranks.size())?;
         let signals = Signals::listen().context("signals cannot be listened to")?;
-        let reporter = Reporter::new(arguments.progress, arguments.quiet, arguments.verbose, start);
+        let progress = if ranks.rank() == 0 { arguments.progress } else { ProgressChoice::None };
+        let reporter = Reporter::new(progress, arguments.quiet, arguments.verbose, start);
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
-        Ok(Run { arguments, start, signals, reporter, seconds, warnings })
+        let (rings, own) = (Rings::one(ranks.size()), RankReport::default());
+        Ok(Run { arguments, spread, ranks, rings, own, start, signals, reporter, seconds, warnings })
+    }
+
+    fn is_first(&self) -> bool {
+        self.ranks.rank() == 0
+    }
+
+    /// Work for the first rank alone, such as looks at files that it will write; the others wait until it is done.
+    pub fn on_first_rank(&mut self, work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+        if self.is_first() {
+            work()?;
+        }
+        self.ranks.broadcast(0, COMMAND, Vec::new())?;
+        Ok(())
+    }
+
+    /// Chooses the rings, before memory is taken for what they divide.
+    pub fn choose_rings(&mut self, mesh: &Mesh) -> Result<(), Failure> {
+        let (rings, needed) = spread::choose(self.spread, Counts::of(mesh).demand(), self.ranks)?;
+        self.rings = rings;
+        if rings.ranks() > 1 {
+            let (ranks, count, needed) = (rings.ranks(), rings.rings(), spread::in_words(needed));
+            let rings = if count == 1 { "one ring".into() } else { format!("{count} rings") };
+            self.say(&format!("{ranks} ranks in {rings}, each with up to about {needed} of memory"));
+        }
+        Ok(())
     }
 
     /// Files besides the outputs that will be written.
@@ -77,14 +122,14 @@ impl<'a> Run<'a> {
 
     /// Says a line, unless the user wants silence.
     pub fn say(&self, text: &str) {
-        if !self.arguments.quiet {
+        if self.is_first() && !self.arguments.quiet {
             self.reporter.say(text);
         }
     }
 
     /// Says a line to those who asked for more.
     pub fn detail(&self, text: &str) {
-        if self.arguments.verbose {
+        if self.is_first() && self.arguments.verbose {
             self.reporter.say(text);
         }
     }
@@ -103,6 +148,34 @@ impl<'a> Run<'a> {
         self.warnings.0.extend(warnings.0.iter().cloned());
     }
 
+    /// This rank's place in its ring, with the hierarchy of its shard if it has been built before.
+    pub fn ring<'m>(&self, mesh: &'m Mesh, hierarchy: Option<Arc<Hierarchy>>) -> Ring<'m> {
+        Ring::with(mesh, &spread::spread(self.spread, self.rings), self.ranks.rank(), hierarchy)
+    }
+
+    /// Finds the samples of the mesh that lie free, each rank those of its own clusters, and tells all. Gives the hierarchy
+    /// of this rank's shard.
+    pub fn find_valid_samples(&mut self, mesh: &mut Mesh) -> Result<Arc<Hierarchy>, Failure> {
+        let mut ring = self.ring(mesh, None);
+        let own = ring.find_valid_samples(self.ranks)?;
+        let (hierarchy, share) = (ring.hierarchy().clone(), ring.share().clone());
+        drop(ring);
+        let all = self.ranks.all_gather(COMMAND, own.iter().flat_map(|bits| bits.to_le_bytes()).collect())?;
+        let mut parts: Vec<_> = all.iter().map(|part| part.as_chunks().0.iter()).collect();
+        for (cluster, &owner) in mesh.clusters.iter().zip(&share.owners) {
+            let elements = cluster.elements.start as usize..cluster.elements.end as usize;
+            let found = &mut parts[owner as usize];
+            mesh.valid[elements].iter_mut().zip(found).for_each(|(valid, bits)| *valid = u16::from_le_bytes(*bits));
+        }
+        Ok(hierarchy)
+    }
+
+    /// The hierarchy of the whole scene, if this rank's ring has no other member.
+    pub fn whole_hierarchy(&self, ring: &Ring<'_>) -> Option<Arc<Hierarchy>> {
+        let alone = self.rings.members(self.rings.ring_of(self.ranks.rank())).len() == 1;
+        alone.then(|| ring.hierarchy().clone())
+    }
+
     /// Solves from `state`, or from the dark, until a stop rule, the time limit or a signal ends it.
     pub fn solve(
         &mut self,
@@ -111,38 +184,49 @@ impl<'a> Run<'a> {
         ring: &mut Ring<'_>,
         mut state: State,
         stop: &StopArguments,
-        ranks: &mut Communicator<'_>,
     ) -> Result<Solved, Failure> {
         let rule = StopRule { until: stop.until, max_shots: stop.max_shots };
-        let checkpoint = self.arguments.checkpoint.as_ref().map(Checkpoint::new);
-        let (result, checkpoint) = self.stage(Stage::Solve, |run| {
-            let mut watch = Watch { run, stop, description, world, checkpoint };
-            let result = solve::plain(world, ring, &mut state, &rule, ranks, &mut watch);
-            let checkpoint = watch.checkpoint;
-            if let Ok((_, progress)) = &result {
-                run.reporter.shot(progress, stop, true);
-            }
-            (result, checkpoint)
-        });
-        let (reason, progress) = result?;
-        if let Some(Checkpoint { failed: Some(error), .. }) = checkpoint {
+        let (reason, progress, checkpoint_failed) = self.stage(Stage::Solve, |run| {
+            let checkpoint = run.arguments.checkpoint.as_ref().filter(|_| run.is_first()).map(Checkpoint::new);
+            let Run { ranks, reporter, signals, start, .. } = run;
+            let mut watch = Watch { reporter, signals, start: *start, stop, description, world, checkpoint };
+            let (reason, progress) = solve::plain(world, ring, &mut state, &rule, ranks, &mut watch)?;
+            watch.reporter.shot(&progress, stop, true);
+            Ok::<_, Failure>((reason, progress, watch.checkpoint.and_then(|checkpoint| checkpoint.failed)))
+        })?;
+        if let Some(error) = checkpoint_failed {
             let mut warnings = Warnings::default();
             warnings.add("checkpoint-failed", format!("a checkpoint failed: {error}"), Place::default());
             self.warn(&warnings);
         }
-        let energy = state.energy(world, ranks)?;
+        self.note_share(ring);
+        let energy = state.energy(world, self.ranks)?;
+        let state = whole_state(&state, world, self.ranks)?;
         Ok(Solved { state, energy, progress, reason })
     }
 
-    fn reason_to_stop(&self, stop: &StopArguments) -> Option<StopReason> {
-        let late = stop.time_limit.is_some_and(|limit| self.start.elapsed().as_secs_f64() >= limit);
-        self.signals.reason().or(late.then_some(StopReason::TimeLimit))
+    /// Notes this rank's share of the work, for the report.
+    fn note_share(&mut self, ring: &Ring<'_>) {
+        let (rank, clusters) = (self.ranks.rank(), &ring.mesh().clusters);
+        let own = ring.share().own.iter().map(|&cluster| &clusters[cluster as usize]);
+        self.own = RankReport {
+            rank: rank as u32,
+            ring: self.rings.ring_of(rank) as u32,
+            patches: own.clone().map(|cluster| cluster.patches.len() as u64).sum(),
+            elements: own.map(|cluster| cluster.elements.len() as u64).sum(),
+            shard_triangles: (ring.hierarchy().triangles().len() + ring.hierarchy().slivers()) as u64,
+            packets_visited: ring.visits().tested,
+            ..RankReport::default()
+        };
     }
 
     /// Writes the outputs and the last checkpoint. One that fails does not keep the others from being written.
     pub fn write(&mut self, content: &Content<'_>, targets: &Targets) -> Outcome {
+        let mut outcome = Outcome::default();
+        if !self.is_first() {
+            return outcome;
+        }
         self.stage(Stage::Write, |run| {
-            let mut outcome = Outcome::default();
             if let Some(choice) = &run.arguments.checkpoint {
                 outcome.note(files::write(&choice.file, |out| solution::write(content.solution, out)));
             }
@@ -164,13 +248,15 @@ impl<'a> Run<'a> {
         mut self,
         solution: &Solution,
         (progress, reason): (Progress, StopReason),
-        settings: serde_json::Value,
+        mut settings: Settings,
         outcome: Outcome,
     ) -> Result<End, Failure> {
         self.seconds.total = self.start.elapsed().as_secs_f64();
         let mut errors = outcome.errors;
-        if let Some(path) = &self.arguments.report {
-            let report = self.report(solution, (&progress, reason), settings, outcome.clipped);
+        let ranks = self.rank_reports()?;
+        settings.extend(spread::settings(self.spread, self.rings));
+        if let (Some(path), Some(ranks)) = (&self.arguments.report, ranks) {
+            let report = self.report(ranks, solution, (&progress, reason), settings, outcome.clipped);
             let written = files::write(path, |out| {
                 serde_json::to_writer_pretty(&mut *out, &report)?;
                 out.write_all(b"\n")
@@ -192,15 +278,30 @@ impl<'a> Run<'a> {
         })
     }
 
+    /// What every rank has to report, on the first one.
+    fn rank_reports(&mut self) -> Result<Option<Vec<RankReport>>, Failure> {
+        let own = RankReport {
+            busy_seconds: machine::busy_seconds(),
+            wait_seconds: self.ranks.waited_seconds(),
+            bytes_sent: self.ranks.traffic().values().map(|traffic| traffic.bytes).sum(),
+            peak_memory_bytes: machine::peak_private_memory(),
+            ..self.own
+        };
+        let all = self.ranks.gather(0, COMMAND, serde_json::to_vec(&own).map_err(anyhow::Error::new)?)?;
+        let read = |bytes: Vec<u8>| serde_json::from_slice(&bytes).map_err(|error| anyhow::Error::new(error).into());
+        all.map(|all| all.into_iter().map(read).collect()).transpose()
+    }
+
     fn report(
         &self,
+        ranks: Vec<RankReport>,
         solution: &Solution,
         (progress, reason): (&Progress, StopReason),
-        settings: serde_json::Value,
+        settings: Settings,
         clipped: f64,
     ) -> Report {
         let (mesh, description) = (&solution.mesh, &solution.description);
-        let peak_memory_bytes = machine::peak_private_memory();
+        let peak_memory_bytes = ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0);
         Report {
             schema: report::SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
@@ -208,28 +309,16 @@ impl<'a> Run<'a> {
             units: Units::of(description),
             warnings: report::warnings(&self.warnings),
             scene: SceneReport::new(description, mesh),
-            settings,
+            settings: settings.into(),
             solve: SolveReport::new(progress, reason),
             seconds: self.seconds,
             energy: solution.energy,
             clipped,
             peak_memory_bytes,
             solution_digest: solution::digest(&solution.state),
-            ranks: vec![RankReport {
-                patches: mesh.patch_count() as u64,
-                elements: mesh.element_count() as u64,
-                shard_triangles: occluding_triangles(mesh),
-                busy_seconds: machine::cpu_seconds(),
-                peak_memory_bytes,
-                ..RankReport::default()
-            }],
+            ranks,
         }
     }
-}
-
-/// Triangles of the mesh: two for each quadrilateral.
-pub fn occluding_triangles(mesh: &Mesh) -> u64 {
-    mesh.facets.iter().map(|f| if f.corners[3] == f.corners[0] { 1 } else { 2 }).sum()
 }
 
 /// What writing came to.
@@ -269,11 +358,7 @@ fn summary(progress: &Progress, reason: StopReason, seconds: &Seconds) -> String
 }
 
 /// Settings as the report shows them, whatever verb set them.
-pub fn settings(
-    settings: &SolveSettings,
-    mesh: &Mesh,
-    stop: &StopArguments,
-) -> serde_json::Map<String, serde_json::Value> {
+pub fn settings(settings: &SolveSettings, mesh: &Mesh, stop: &StopArguments) -> Settings {
     let shoot = match settings.shoot {
         ringlight::shooting::Shoot::Elements => "elements",
         ringlight::shooting::Shoot::Average => "average",
@@ -285,70 +370,13 @@ pub fn settings(
         "cells": settings.cells,
         "shoot": shoot,
         "sky": settings.sky,
+        "shooters_in_flight": settings.shooters_in_flight,
         "until": stop.until,
         "max_shots": stop.max_shots,
         "time_limit": stop.time_limit,
-        "threads": rayon::current_num_threads(),
     });
     match value {
         serde_json::Value::Object(map) => map,
-        _ => serde_json::Map::new(),
-    }
-}
-
-/// Saves the solution as it goes.
-struct Checkpoint<'a> {
-    choice: &'a CheckpointChoice,
-    last: Instant,
-    failed: Option<String>,
-}
-
-impl<'a> Checkpoint<'a> {
-    fn new(choice: &'a CheckpointChoice) -> Checkpoint<'a> {
-        Checkpoint { choice, last: Instant::now(), failed: None }
-    }
-
-    fn is_due(&self) -> bool {
-        self.last.elapsed().as_secs_f64() >= self.choice.seconds
-    }
-
-    /// A failed write is kept to be told, and tried again when the next one is due: the disk may have room by then.
-    fn write(&mut self, snapshot: &Snapshot<'_>) {
-        if let Err(error) = files::write(&self.choice.file, |out| solution::write_snapshot(snapshot, out)) {
-            self.failed = Some(format!("{error:#}"));
-        }
-        self.last = Instant::now();
-    }
-}
-
-/// Watches the solver: shows how far it is, saves what it has, ends it.
-struct Watch<'a, 'b> {
-    run: &'a mut Run<'b>,
-    stop: &'a StopArguments,
-    description: &'a Description,
-    world: &'a World<'a>,
-    checkpoint: Option<Checkpoint<'b>>,
-}
-
-impl Observer for Watch<'_, '_> {
-    fn control(&mut self) -> Control {
-        match self.run.reason_to_stop(self.stop) {
-            Some(reason) => Control::Stop(reason),
-            None if self.checkpoint.as_ref().is_some_and(Checkpoint::is_due) => Control::Checkpoint,
-            None => Control::Continue,
-        }
-    }
-
-    fn observe(&mut self, progress: &Progress) {
-        self.run.reporter.shot(progress, self.stop, false);
-    }
-
-    fn checkpoint(&mut self, state: &State, ranks: &mut Communicator<'_>) -> Result<(), RankFailure> {
-        let energy = state.energy(self.world, ranks)?;
-        let (description, World { mesh, settings, .. }) = (self.description, self.world);
-        if let Some(checkpoint) = &mut self.checkpoint {
-            checkpoint.write(&Snapshot { description, mesh, settings, state, energy: &energy });
-        }
-        Ok(())
+        _ => Settings::new(),
     }
 }

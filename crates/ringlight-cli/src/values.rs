@@ -31,6 +31,15 @@ pub struct CheckpointChoice {
     pub seconds: f64,
 }
 
+/// Number of rings asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RingsChoice {
+    /// As many as memory allows.
+    Auto,
+    /// So many.
+    Number(usize),
+}
+
 /// A matrix asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Matrix {
@@ -93,6 +102,54 @@ pub fn threads(text: &str) -> Result<usize, String> {
         Ok(n @ 1..=4096) => Ok(n),
         _ => Err("expected a number from 1 to 4096".into()),
     }
+}
+
+/// Rings: a number from 1, or `auto`. How many ranks there are is known later.
+pub fn rings(text: &str) -> Result<RingsChoice, String> {
+    match text.parse() {
+        Ok(rings @ 1..) => Ok(RingsChoice::Number(rings)),
+        _ if text == "auto" => Ok(RingsChoice::Auto),
+        _ => Err("expected a number from 1 to the number of ranks, or auto".into()),
+    }
+}
+
+/// Points of a packet: 1 to 1048576.
+pub fn packet_size(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 1..=0x10_0000) => Ok(n),
+        _ => Err("expected a number from 1 to 1048576".into()),
+    }
+}
+
+/// Shooters in flight: 1 to 1024.
+pub fn shooters(text: &str) -> Result<u32, String> {
+    match text.parse() {
+        Ok(n @ 1..=1024) => Ok(n),
+        _ => Err("expected a number from 1 to 1024".into()),
+    }
+}
+
+/// Bytes: a number with a unit.
+pub fn memory(text: &str) -> Result<u64, String> {
+    const UNITS: [(&str, u64); 9] = [
+        ("KiB", 1 << 10),
+        ("MiB", 1 << 20),
+        ("GiB", 1 << 30),
+        ("TiB", 1 << 40),
+        ("kB", 1_000),
+        ("MB", 1_000_000),
+        ("GB", 1_000_000_000),
+        ("TB", 1_000_000_000_000),
+        ("B", 1),
+    ];
+    let split = |(unit, bytes): &(&str, u64)| {
+        let end = text.len().checked_sub(unit.len()).filter(|&end| text.is_char_boundary(end))?;
+        text[end..].eq_ignore_ascii_case(unit).then_some((&text[..end], *bytes))
+    };
+    let expected = || format!("'{text}' is no amount of memory; expected a number and a unit, as in 2GiB or 500MB");
+    let (amount, unit) = UNITS.iter().find_map(split).ok_or_else(expected)?;
+    let bytes = positive(amount).map_err(|_| expected())? * unit as f64;
+    if (1.0..1e18).contains(&bytes) { Ok(bytes as u64) } else { Err(expected()) }
 }
 
 /// Cells of a shooter.
@@ -190,6 +247,23 @@ mod tests {
         assert!(share("1.01").is_err() && share("0").is_ok());
         assert!(cells("32").is_err() && cells("64").is_ok());
         assert!(size("0x10").is_err() && size("10").is_err() && size("99999x1").is_err());
+    }
+
+    #[test]
+    fn memory_has_a_unit() {
+        assert_eq!(memory("2GiB"), Ok(2 << 30));
+        assert_eq!(memory("1.5 MiB"), Ok(3 << 19));
+        assert_eq!((memory("500MB"), memory("64kb"), memory("7B")), (Ok(500_000_000), Ok(64_000), Ok(7)));
+        for bad in ["2", "", "GiB", "0MB", "-1GB", "1e30GB", "nanMB", "2 GiBs", "é", "0.5B"] {
+            assert!(memory(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn rings_are_counted_from_one() {
+        assert_eq!((rings("auto"), rings("3")), (Ok(RingsChoice::Auto), Ok(RingsChoice::Number(3))));
+        assert!(rings("0").is_err() && rings("-1").is_err() && rings("Auto").is_err());
+        assert!(packet_size("0").is_err() && packet_size("1").is_ok());
     }
 
     #[test]

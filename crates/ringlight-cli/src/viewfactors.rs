@@ -354,7 +354,7 @@ impl<'a> Run<'a> {
             row_sums: *row_sums,
             reciprocity,
             seconds: self.seconds,
-            cpu_seconds: machine::cpu_seconds(),
+            cpu_seconds: machine::busy_seconds(),
             peak_memory_bytes: machine::peak_private_memory(),
         }
     }

@@ -9,7 +9,7 @@ mod sending;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator as _, Equivalence, Source};
 use mpi::{Rank, Threading};
-use ringlight::transport::{Communicator, MAX_TAG, Message, Transport};
+use ringlight::transport::{Communicator, Failure, MAX_TAG, Message, Transport};
 use sending::Sending;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -31,7 +31,8 @@ struct Mpi {
     partial: Vec<Vec<u8>>,
     received: VecDeque<Message>,
     largest_piece: usize,
-    abort_at: Option<Instant>,
+    /// What some rank has failed of, and when the world is aborted if it has not ended by then.
+    failed: Option<(Failure, Instant)>,
 }
 
 /// MPI could not be initialised: it already is, or lacks the support for threads beside the one that uses it.
@@ -63,7 +64,7 @@ pub fn start_with_pieces<T>(
         partial: vec![Vec::new(); ranks],
         received: VecDeque::new(),
         largest_piece,
-        abort_at: None,
+        failed: None,
     });
     Ok(body(&mut communicator))
 }
@@ -87,10 +88,10 @@ impl Mpi {
     }
 
     fn rest(&self, idle: &mut u32) {
-        if let Some(time) = self.abort_at
-            && Instant::now() > time
+        if let Some((failure, time)) = &self.failed
+            && Instant::now() > *time
         {
-            eprintln!("error: rank {}: a rank has failed and others do not end; aborting", self.rank());
+            eprintln!("error: {failure} (rank {} waits for others that do not end; aborting)", self.rank());
             self.world.abort(1);
         }
         *idle += 1;
@@ -143,11 +144,11 @@ impl Transport for Mpi {
         }
     }
 
-    fn hurry(&mut self, hurry: bool) {
-        if !hurry {
-            self.abort_at = None;
-        } else if self.abort_at.is_none() {
-            self.abort_at = Some(Instant::now() + PATIENCE);
+    fn hurry(&mut self, failure: Option<&Failure>) {
+        match failure {
+            None => self.failed = None,
+            Some(failure) if self.failed.is_none() => self.failed = Some((failure.clone(), Instant::now() + PATIENCE)),
+            Some(_) => {}
         }
     }
 }

@@ -59,6 +59,7 @@ fn the_message_of_a_failing_rank_reaches_the_user_and_all_ranks_end() {
 fn ranks_that_do_not_answer_after_a_failure_are_ended() {
     let (output, took) = check(3, &["hang"]);
     assert!(!output.status.success(), "{}", text(&output));
+    assert!(text(&output).contains("rank 0: cannot go on"), "{}", text(&output));
     assert!(text(&output).contains("do not end; aborting"), "{}", text(&output));
     // Eight seconds of patience, and the launcher's own.
     assert!(took < Duration::from_secs(20), "{took:?}");

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Place, Random, Samples, filters, samples, shooter, triangles};
 use proptest::prelude::*;
-use ringlight_visibility::{Cells, Grid, Hierarchy, Layout, NO_PLANE, Region, Shooter};
+use ringlight_visibility::{Cells, Grid, Hierarchy, Layout, NO_PLANE, PreparedShooter, Region, Shooter};
 
 type Box3 = [[f32; 3]; 2];
 
@@ -24,7 +24,7 @@ fn same_masks(seed: u64) -> Result<(), TestCaseError> {
     let (shooter, samples) = (shooter(random, place), samples(random, place));
     let cells = shooter.cells.all();
     let given: Vec<u64> = samples.x.iter().map(|_| [cells, random.bits() & cells, 0][random.below(3)]).collect();
-    let region = Region::new(&shooter, samples.points(), &given, scene);
+    let region = Region::new(&PreparedShooter::new(&shooter), samples.points(), &given, scene);
     let met: Vec<_> = all
         .iter()
         .filter(|t| {
@@ -70,11 +70,14 @@ fn the_region_leaves_much_out() {
     for cells in [Cells::Grid(grid), Cells::Points(vec![corner]), Cells::Directions(vec![towards])] {
         let shooter = Shooter { cells, plane: NO_PLANE, far: 0.9999 };
         let masks = vec![shooter.cells.all(); points.len()];
-        let region = Region::new(&shooter, samples.points(), &masks, [[-1.0; 3], [1.0; 3]]);
+        let region = Region::new(&PreparedShooter::new(&shooter), samples.points(), &masks, [[-1.0; 3], [1.0; 3]]);
         let boxes = (0..8000).map(|i| [i % 20, i / 20 % 20, i / 400].map(|k| k as f32 * 0.1 - 1.0));
         let met = boxes.filter(|low| region.meets(*low, low.map(|c| c + 0.1))).count();
         assert!((20..800).contains(&met), "{met} of 8000 boxes");
         assert!(region.meets([-0.05, -0.05, -0.05], [0.05; 3]));
-        assert!(!Region::new(&shooter, samples.points(), &[0; 8], [[-1.0; 3], [1.0; 3]]).meets([-1.0; 3], [1.0; 3]));
+        assert!(
+            !Region::new(&PreparedShooter::new(&shooter), samples.points(), &[0; 8], [[-1.0; 3], [1.0; 3]])
+                .meets([-1.0; 3], [1.0; 3])
+        );
     }
 }

@@ -2,12 +2,14 @@
 //!
 //! The modules in the order in which data flows: [`scene`] (bytes → checked scene) → [`mesh`] (patches, elements, sample
 //! points, clusters) → [`form_factor`] → [`shooting`] → [`solve`] → [`solution`] → [`smooth`] → [`probe`] → [`output`].
-//! [`view_factor`] uses the same primitives without light; [`ring`] and [`transport`] let many ranks hold one scene.
+//! [`view_factor`] uses the same primitives without light; [`ring`] and [`transport`] let many ranks hold one scene; [`plan`]
+//! foretells what that takes.
 
 pub mod column;
 pub mod form_factor;
 pub mod mesh;
 pub mod output;
+pub mod plan;
 pub mod probe;
 pub mod quantity;
 pub mod resources;

@@ -97,3 +97,21 @@ pub enum ProgressChoice {
     /// Nothing
     None,
 }
+
+/// How geometry is dealt out to the members of a ring.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ShardsChoice {
+    /// Compact in space
+    Spatial,
+    /// Pseudo-random
+    Random,
+}
+
+/// Which members of a ring a packet visits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum RoutingChoice {
+    /// Those whose boxes stand between its points and the shooter
+    Boxes,
+    /// All
+    All,
+}

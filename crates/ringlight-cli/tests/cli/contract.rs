@@ -38,7 +38,6 @@ fn values_that_make_no_sense_are_usage_errors_and_nothing_is_written() {
         "-o a.ringlight --camera 1,2,3;4",
         "-o a.ringlight --camera desk",
         "-o a.ringlight --solver group",
-        "-o a.ringlight --ranks 4",
         "-o a.ringlight --quiet --verbose",
         "-o a.ringlight -o a.ringlight",
         "-o a.ringlight --report a.ringlight",

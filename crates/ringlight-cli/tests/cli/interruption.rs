@@ -14,6 +14,15 @@ fn a_time_limit_leaves_a_valid_solution_and_says_so() {
     workshop.ringlight("export a.ringlight -o b.ringlight").assert().code(0);
 }
 
+#[test]
+fn a_time_limit_stops_all_ranks_after_the_same_shot() {
+    let workshop = Workshop::new();
+    workshop.bake(&format!("{ENDLESS} --ranks 3 --time-limit 1 -o a.ringlight --report a.json")).assert().code(4);
+    let shots = workshop.json("a.json")["solve"]["shots"].as_u64().unwrap();
+    workshop.bake(&format!("{ENDLESS} --max-shots {shots} -o b.ringlight")).assert().code(0);
+    assert!(workshop.bytes("a.ringlight") == workshop.bytes("b.ringlight"));
+}
+
 /// Resumes `part` for some shots more, and compares with a run that was never stopped.
 #[cfg(unix)]
 fn assert_goes_on_exactly(workshop: &Workshop, part: &str) {
@@ -53,9 +62,9 @@ fn a_killed_run_goes_on_from_its_checkpoint() {
 }
 
 #[cfg(unix)]
-fn signalled(signal: &str, code: i32) {
+fn signalled(signal: &str, code: i32, flags: &str) {
     let workshop = Workshop::new();
-    let command = format!("{ENDLESS} -o a.ringlight --report a.json --checkpoint part.ringlight@0");
+    let command = format!("{ENDLESS} {flags} -o a.ringlight --report a.json --checkpoint part.ringlight@0");
     let mut child = workshop.start_baking(&command);
     wait_for(|| workshop.path("part.ringlight").exists());
     let sent = std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
@@ -70,13 +79,19 @@ fn signalled(signal: &str, code: i32) {
 #[cfg(unix)]
 #[test]
 fn a_terminated_run_leaves_a_valid_solution() {
-    signalled("-TERM", 143);
+    signalled("-TERM", 143, "");
+}
+
+#[cfg(unix)]
+#[test]
+fn ranks_are_terminated_after_the_same_shot() {
+    signalled("-TERM", 143, "--ranks 3 --rings 1");
 }
 
 #[cfg(unix)]
 #[test]
 fn an_interrupted_run_leaves_a_valid_solution() {
-    signalled("-INT", 130);
+    signalled("-INT", 130, "");
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod contract;
 mod damage;
 mod interruption;
 mod probe;
+mod ranks;
 mod sameness;
 mod viewfactors;
 mod workshop;

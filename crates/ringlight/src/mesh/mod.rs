@@ -157,6 +157,11 @@ impl Facet {
         if self.corners[3] == self.corners[0] { Layout::Triangle } else { Layout::Quad }
     }
 
+    /// Triangles that it is made of: one, or two.
+    pub fn triangle_count(&self) -> u64 {
+        if self.layout() == Layout::Triangle { 1 } else { 2 }
+    }
+
     /// Geometry.
     pub fn frame(&self) -> Frame {
         let corners = self.corners.map(|c| c.as_dvec3());

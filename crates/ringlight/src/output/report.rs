@@ -5,7 +5,7 @@ use crate::mesh::Mesh;
 use crate::scene::Warnings;
 use crate::solution::Description;
 use crate::solve::{Energy, Progress, StopReason};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Name and version of the report's form.
@@ -174,7 +174,7 @@ pub struct Seconds {
 }
 
 /// One rank's share.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RankReport {
     /// Number of the rank.
     pub rank: u32,
@@ -186,14 +186,14 @@ pub struct RankReport {
     pub elements: u64,
     /// Triangles in its shard.
     pub shard_triangles: u64,
-    /// CPU time of its own work.
+    /// CPU time of its threads: its own work. Waiting sleeps.
     pub busy_seconds: f64,
-    /// Time spent waiting for others.
+    /// Wall-clock time spent waiting for messages of others.
     pub wait_seconds: f64,
     /// Bytes sent to others.
     pub bytes_sent: u64,
     /// Packets that visited it.
     pub packets_visited: u64,
-    /// Its largest private memory.
+    /// The largest private memory of its process, which it may share with other ranks.
     pub peak_memory_bytes: u64,
 }

@@ -5,6 +5,7 @@
 //! drives the same code as real ranks do. `README.md` beside this file explains the pipeline.
 
 mod balance;
+mod memory;
 mod packet;
 mod parcel;
 mod partition;
@@ -15,6 +16,7 @@ mod shard;
 mod simulator;
 
 pub use balance::{Balance, Load, Moves, Window, rank_correlation};
+pub use memory::Demand;
 pub use packet::{Answers, Content, Packet, Parcel, Rays, Samples};
 pub use parcel::Malformed;
 pub use partition::{Rings, owners};

@@ -42,6 +42,11 @@ impl Rings {
         (1..=ranks).contains(&rings).then_some(Rings { ranks, rings })
     }
 
+    /// One ring of so many ranks, at least one.
+    pub fn one(ranks: usize) -> Rings {
+        Rings { ranks: ranks.max(1), rings: 1 }
+    }
+
     /// Number of ranks.
     pub fn ranks(self) -> usize {
         self.ranks

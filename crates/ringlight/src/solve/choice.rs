@@ -40,7 +40,7 @@ pub struct Summary {
     pub tally: Tally,
     /// Whether the emission of some patch has not been shot.
     pub emission_waits: bool,
-    /// What rank 0 wants; the others want nothing.
+    /// What the ranks want: the strongest wish.
     pub control: Control,
 }
 
@@ -55,7 +55,7 @@ impl Summary {
             unshot: self.unshot.join(other.unshot),
             tally: self.tally.join(other.tally),
             emission_waits: self.emission_waits || other.emission_waits,
-            control: if self.control == Control::Continue { other.control } else { self.control },
+            control: if strength(self.control) < strength(other.control) { other.control } else { self.control },
         }
     }
 
@@ -72,8 +72,7 @@ impl Summary {
         let Tally { rays, masks, masks_without_rays } = self.tally;
         [rays, masks, masks_without_rays].iter().for_each(|n| bytes.extend_from_slice(&n.to_le_bytes()));
         bytes.push(u8::from(self.emission_waits));
-        let control = CONTROLS.iter().position(|&c| c == self.control).unwrap_or(0);
-        bytes.push(control as u8);
+        bytes.push(strength(self.control));
         bytes.try_into().unwrap_or([0; BYTES])
     }
 
@@ -93,7 +92,12 @@ impl Summary {
     }
 }
 
-/// Controls by their number on the way.
+/// The number of a control in [`CONTROLS`].
+fn strength(control: Control) -> u8 {
+    CONTROLS.iter().position(|&known| known == control).unwrap_or(0) as u8
+}
+
+/// Controls by their number on the way, the strongest last.
 const CONTROLS: [Control; 8] = [
     Control::Continue,
     Control::Checkpoint,

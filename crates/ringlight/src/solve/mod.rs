@@ -12,7 +12,7 @@ mod walking;
 
 pub use energy::Energy;
 pub use plain::plain;
-pub use ring::{Job, Ring};
+pub use ring::{Job, OUTLINE, Ring};
 pub use share::{Share, Spread};
 pub use state::{State, World};
 
@@ -80,7 +80,7 @@ pub enum Control {
 
 /// Watches a run.
 pub trait Observer {
-    /// Whether to go on; asked of rank 0 before the first shot and after every shot.
+    /// Whether to go on; asked of every rank before the first shot and after every shot. The strongest wish is heeded by all.
     fn control(&mut self) -> Control {
         Control::Continue
     }

@@ -47,7 +47,7 @@ pub fn plain(
     // Whether the last shot has been committed since the observer was told.
     let mut news = true;
     loop {
-        let control = if news && ranks.rank() == 0 { observer.control() } else { Control::Continue };
+        let control = if news { observer.control() } else { Control::Continue };
         let summary = summarise(ring, state, &under_way, control);
         let joined = ranks
             .all_reduce_meanwhile(CHOOSE, summary.to_bytes(), Summary::join_bytes, &mut |ranks| ring.serve(ranks))?;

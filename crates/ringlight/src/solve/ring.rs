@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Boxes that describe a shard to the other members.
-const OUTLINE: usize = 64;
+pub const OUTLINE: usize = 64;
 
 /// Most pieces that geometry is dealt out in: every member knows the holder of each.
 const PIECES: usize = 1 << 16;
@@ -57,10 +57,15 @@ impl<'a> Ring<'a> {
 
     /// Of rank `rank`: builds the hierarchy over its shard.
     pub fn new(mesh: &'a Mesh, spread: &Spread, rank: usize) -> Ring<'a> {
+        Ring::with(mesh, spread, rank, None)
+    }
+
+    /// Of rank `rank`, with the hierarchy over its shard if that has been built before, see [`Ring::hierarchy`].
+    pub fn with(mesh: &'a Mesh, spread: &Spread, rank: usize, hierarchy: Option<Arc<Hierarchy>>) -> Ring<'a> {
         let members = spread.rings.members(spread.rings.ring_of(rank));
         let share = Arc::new(Share::new(mesh, rank, spread.rings.ranks()));
         if members.len() == 1 {
-            return Ring { share, ..Ring::alone(mesh, Arc::new(mesh::hierarchy(mesh))) };
+            return Ring { share, ..Ring::alone(mesh, hierarchy.unwrap_or_else(|| Arc::new(mesh::hierarchy(mesh)))) };
         }
         let run = mesh.facets.len().div_ceil(PIECES);
         let pieces: Vec<Piece> = mesh.facets.chunks(run).map(piece).collect();
@@ -72,7 +77,8 @@ impl<'a> Ring<'a> {
         let outlines = Arc::new(held.iter().map(boxes).collect::<Vec<_>>());
         let (run, facets) = (run as u32, mesh.facets.len() as u32);
         let own = held[rank - members.start].iter();
-        let hierarchy = mesh::hierarchy_of(mesh, own.flat_map(|&p| p * run..facets.min((p + 1) * run)));
+        let own = own.flat_map(|&p| p * run..facets.min((p + 1) * run));
+        let hierarchy = hierarchy.unwrap_or_else(|| Arc::new(mesh::hierarchy_of(mesh, own)));
         let wider = Wider {
             exchange: RingExchange::new(spread.rings, rank, spread.routing, spread.window),
             outlines,
@@ -80,7 +86,7 @@ impl<'a> Ring<'a> {
             receiving: BTreeMap::new(),
             jobs: 0,
         };
-        Ring { mesh, share, hierarchy: Arc::new(hierarchy), spread: Some(wider), tally: Tally::default() }
+        Ring { mesh, share, hierarchy, spread: Some(wider), tally: Tally::default() }
     }
 
     /// The scene.

@@ -86,6 +86,40 @@ impl Communicator<'_> {
         Ok(bytes)
     }
 
+    /// Brings the bytes of every rank to `root`: there in the order of ranks, nothing elsewhere.
+    pub fn gather(&mut self, root: usize, tag: u32, bytes: Vec<u8>) -> Result<Option<Vec<Vec<u8>>>, Failure> {
+        self.send(root, tag, bytes);
+        if self.rank() != root {
+            return Ok(None);
+        }
+        (0..self.size()).map(|from| self.wait_for(from, tag)).collect::<Result<_, _>>().map(Some)
+    }
+
+    /// Brings the bytes of every rank to all, in the order of ranks.
+    pub fn all_gather(&mut self, tag: u32, bytes: Vec<u8>) -> Result<Vec<Vec<u8>>, Failure> {
+        // Lengths first, then the bytes of all in a row.
+        let packed = self.gather(0, tag, bytes)?.map_or_else(Vec::new, |parts| {
+            let lengths = parts.iter().flat_map(|part| (part.len() as u64).to_le_bytes());
+            lengths.chain(parts.iter().flatten().copied()).collect()
+        });
+        let packed = self.broadcast(0, tag, packed)?;
+        let unpack = || {
+            let (lengths, mut rest) = packed.split_at_checked(8 * self.size())?;
+            let mut parts = Vec::with_capacity(self.size());
+            for length in lengths.chunks_exact(8) {
+                let length = u64::from_le_bytes(length.try_into().ok()?);
+                let (part, others) = rest.split_at_checked(usize::try_from(length).ok()?)?;
+                parts.push(part.to_vec());
+                rest = others;
+            }
+            Some(parts)
+        };
+        unpack().ok_or_else(|| Failure {
+            rank: self.rank(),
+            message: format!("{} bytes with tag {tag} are not what all ranks have given", packed.len()),
+        })
+    }
+
     fn wait_for_value<const N: usize>(
         &mut self,
         from: usize,
@@ -105,7 +139,8 @@ impl Communicator<'_> {
             if let Some(message) = self.receive_where(fits)? {
                 return Ok(message.bytes);
             }
-            if !serve(self)? {
+            // Serving takes in what has arrived, which may be the message.
+            if !serve(self)? && !self.has_set_aside(fits) {
                 self.wait_for_more()?;
             }
         }

@@ -35,6 +35,8 @@ pub struct Communicator<'a> {
     told: bool,
     failed_here: bool,
     traffic: BTreeMap<u32, Traffic>,
+    clock: Option<Box<dyn Fn() -> f64>>,
+    waited_seconds: f64,
 }
 
 impl<'a> Communicator<'a> {
@@ -51,6 +53,8 @@ impl<'a> Communicator<'a> {
             told: false,
             failed_here: false,
             traffic: BTreeMap::new(),
+            clock: None,
+            waited_seconds: 0.0,
         }
     }
 
@@ -72,6 +76,16 @@ impl<'a> Communicator<'a> {
     /// What was sent to other ranks, by tag.
     pub fn traffic(&self) -> &BTreeMap<u32, Traffic> {
         &self.traffic
+    }
+
+    /// From now on takes the time of waiting for messages, by a clock that tells seconds.
+    pub fn time_waits(&mut self, clock: Box<dyn Fn() -> f64>) {
+        self.clock = Some(clock);
+    }
+
+    /// Time spent waiting for messages, as far as it was taken.
+    pub fn waited_seconds(&self) -> f64 {
+        self.waited_seconds
     }
 
     /// Whether this rank failed in its last run, rather than heard of another's failure.
@@ -115,6 +129,11 @@ impl<'a> Communicator<'a> {
         Ok(place.and_then(|place| self.aside.remove(place)))
     }
 
+    /// Whether a message that fits has come while another one was waited for.
+    pub(super) fn has_set_aside(&self, fits: impl Fn(&Message) -> bool) -> bool {
+        self.aside.iter().any(fits)
+    }
+
     /// Waits for a message that fits. Others stay for later.
     pub fn wait_where(&mut self, fits: impl Fn(&Message) -> bool) -> Result<Message, Failure> {
         loop {
@@ -145,16 +164,16 @@ impl<'a> Communicator<'a> {
             }
             _ => (ENDED, Vec::new()),
         };
-        if self.failed_here {
-            self.transport.hurry(true);
-        }
         let this = self.rank();
+        if self.failed_here {
+            let message = String::from_utf8_lossy(&words).into_owned();
+            self.transport.hurry(Some(&Failure { rank: this, message }));
+        }
         for to in (0..self.size()).filter(|&to| to != this) {
             self.transport.send(to, tag, words.clone());
         }
         while self.ended.contains(&false) {
-            let message = self.transport.wait();
-            self.sort(message);
+            self.take_next();
         }
         // What this rank has sent to itself and not taken ends with the run.
         while let Some(message) = self.transport.receive() {
@@ -179,11 +198,12 @@ impl<'a> Communicator<'a> {
             ENDED => self.ended[from] = true,
             FAILED => {
                 self.ended[from] = true;
+                let message = String::from_utf8_lossy(&message.bytes).into_owned();
+                let failure = Failure { rank: from, message };
+                self.transport.hurry(Some(&failure));
                 if self.failure.as_ref().is_none_or(|known| from < known.rank) {
-                    let message = String::from_utf8_lossy(&message.bytes).into_owned();
-                    self.failure = Some(Failure { rank: from, message });
+                    self.failure = Some(failure);
                 }
-                self.transport.hurry(true);
             }
             _ => self.aside.push_back(message),
         }
@@ -194,7 +214,7 @@ impl<'a> Communicator<'a> {
         let this = self.rank();
         self.aside.clear();
         self.told = false;
-        self.transport.hurry(false);
+        self.transport.hurry(None);
         self.ended.iter_mut().enumerate().for_each(|(rank, ended)| *ended = rank == this);
         let failure = self.failure.take();
         for message in std::mem::take(&mut self.early) {
@@ -213,9 +233,17 @@ impl<'a> Communicator<'a> {
             let message = "this rank waits for a message, but all others have ended".into();
             return Err(Failure { rank: self.rank(), message });
         }
-        let message = self.transport.wait();
-        self.sort(message);
+        self.take_next();
         Ok(())
+    }
+
+    /// Waits for the transport's next message and files it.
+    fn take_next(&mut self) {
+        let now = |clock: &Option<Box<dyn Fn() -> f64>>| clock.as_ref().map_or(0.0, |clock| clock());
+        let start = now(&self.clock);
+        let message = self.transport.wait();
+        self.waited_seconds += now(&self.clock) - start;
+        self.sort(message);
     }
 }
 

@@ -4,6 +4,7 @@
 //! failing assertion would leave other ranks waiting.
 
 use super::{Communicator, Failure, Message};
+use std::cell::Cell;
 use std::time::Duration;
 
 /// What every rank does in one run.
@@ -11,7 +12,7 @@ type Case = fn(&mut Communicator<'_>) -> Result<(), Failure>;
 
 /// Runs the suite; an error on every rank if anything is wrong on any.
 pub fn check(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
-    let cases: [Case; 9] = [
+    let cases: [Case; 12] = [
         all_send_before_any_receives,
         order_is_kept_across_tags,
         a_token_goes_round,
@@ -19,8 +20,11 @@ pub fn check(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
         a_large_message_arrives_whole,
         values_are_reduced,
         every_root_broadcasts,
+        every_root_gathers,
         collectives_pass_by_other_messages,
+        what_is_taken_in_while_serving_is_not_waited_for,
         traffic_is_counted,
+        waiting_is_timed,
     ];
     for case in cases {
         ranks.run(case)?;
@@ -161,6 +165,22 @@ fn every_root_broadcasts(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Parts of different lengths, none at all among them, at one rank and at all.
+fn every_root_gathers(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+    let (this, size) = (ranks.rank(), ranks.size());
+    let part = |rank: usize, round: usize| content(rank, 0, round, 5000 * ((rank + round) % 3));
+    for round in 0..2 * size {
+        let expected: Vec<Vec<u8>> = (0..size).map(|rank| part(rank, round)).collect();
+        let root = round % size;
+        let gathered = ranks.gather(root, 13, part(this, round))?;
+        let fits = if this == root { gathered.as_ref() == Some(&expected) } else { gathered.is_none() };
+        expect(ranks, fits, || format!("round {round}: rank {root} has not gathered what all gave"))?;
+        let gathered = ranks.all_gather(13, part(this, round))?;
+        expect(ranks, gathered == expected, || format!("round {round}: not all have what all gave"))?;
+    }
+    Ok(())
+}
+
 /// Messages that are under way during a collective operation stay for later, in order.
 fn collectives_pass_by_other_messages(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
     let (this, size) = (ranks.rank(), ranks.size());
@@ -178,6 +198,19 @@ fn collectives_pass_by_other_messages(ranks: &mut Communicator<'_>) -> Result<()
     Ok(())
 }
 
+/// Other work takes in all that has arrived, also what the collective operation waits for.
+fn what_is_taken_in_while_serving_is_not_waited_for(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+    let mut serve = |ranks: &mut Communicator<'_>| {
+        std::thread::sleep(Duration::from_millis(3));
+        ranks.receive_where(|_| false).map(|message| message.is_some())
+    };
+    for round in 0..5 {
+        ranks.all_reduce_meanwhile(15, [round], |a, b| a.max(b), &mut serve)?;
+        ranks.broadcast_meanwhile(0, 15, vec![round], &mut serve)?;
+    }
+    Ok(())
+}
+
 fn traffic_is_counted(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
     let (this, size) = (ranks.rank(), ranks.size());
     (0..size).for_each(|to| ranks.send(to, 9, vec![0; 10 + to]));
@@ -188,6 +221,19 @@ fn traffic_is_counted(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
     let bytes: usize = (0..size).filter(|&to| to != this).map(|to| 10 + to).sum();
     let fits = counted.messages == size as u64 - 1 && counted.bytes == bytes as u64;
     expect(ranks, fits, || format!("{counted:?} for {} messages with {bytes} bytes", size - 1))
+}
+
+/// By a clock that ticks when it is looked at: once before and once after each wait.
+fn waiting_is_timed(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+    let ticks = Cell::new(0.0);
+    let clock = move || ticks.replace(ticks.get() + 1.0);
+    let before = ranks.waited_seconds();
+    ranks.time_waits(Box::new(clock));
+    ranks.all_reduce(14, [0], |a, _| a)?;
+    let waits = ranks.waited_seconds() - before;
+    // A message that is there already is not waited for.
+    let fits = waits.fract() == 0.0 && waits <= f64::from(2 * ranks.size().ilog2() + 2);
+    expect(ranks, fits && (waits == 0.0 || ranks.size() > 1), || format!("waited {waits} times"))
 }
 
 /// Ranks fail, by an error or by a panic, while the others wait for a message that never comes.

@@ -43,9 +43,9 @@ pub trait Transport {
     fn receive(&mut self) -> Option<Message>;
     /// Waits for the next message, asleep for most of the time.
     fn wait(&mut self) -> Message;
-    /// Told that some rank has failed, so that all others are about to end; and, with `false`, that all have ended. In
-    /// between, a transport that can end ranks from outside may do so when they do not answer.
-    fn hurry(&mut self, _hurry: bool) {}
+    /// Told that a rank has failed, so that all others are about to end; and, with `None`, that all have ended. In between, a
+    /// transport that can end ranks from outside may do so when they do not answer, and says then why.
+    fn hurry(&mut self, _failure: Option<&Failure>) {}
 }
 
 /// A rank has failed, and with it the world.

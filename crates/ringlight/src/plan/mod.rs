@@ -1,0 +1,5 @@
+//! Foretells what a solve needs.
+
+mod memory;
+
+pub use memory::Counts;

@@ -1,0 +1,112 @@
+//! How much memory a rank needs, and what follows for the number of rings.
+
+use super::Rings;
+
+/// What a job keeps in memory, bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Demand {
+    /// On every rank.
+    pub everywhere: u64,
+    /// Divided among all ranks: what each owns.
+    pub owned: u64,
+    /// Divided among the members of a ring: the geometry in each member's hierarchy.
+    pub held: u64,
+    /// Divided likewise, but only while the hierarchy is built, when nothing is owned yet.
+    pub building: u64,
+    /// For each member of a ring, on every rank: the boxes around its shard.
+    pub outline: u64,
+    /// For each member of a ring, on every rank: packets that may be under way.
+    pub packets: u64,
+}
+
+/// Bytes of a point with its mask in a packet: three coordinates, a plane, 64 cells.
+const POINT: u64 = 24;
+
+/// Bytes of a box.
+const BOX: u64 = 24;
+
+impl Demand {
+    /// With so many packets of so many points under way from each rank, and so many boxes around each shard.
+    pub fn with_packets(self, window: usize, points: usize, boxes: usize) -> Demand {
+        Demand { packets: (window * points) as u64 * POINT, outline: boxes as u64 * BOX, ..self }
+    }
+
+    /// What the rank needs that needs most: a member of the ring that has the fewest.
+    pub fn of_a_rank(&self, rings: Rings) -> u64 {
+        let ranks = rings.ranks() as u64;
+        let members = ranks / rings.rings() as u64;
+        let travelling = if rings.rings() == rings.ranks() { 0 } else { ranks.div_ceil(rings.rings() as u64) };
+        let held = self.held.div_ceil(members);
+        let solving = self.owned.div_ceil(ranks) + travelling * (self.packets + self.outline);
+        self.everywhere + held + solving.max(self.building.div_ceil(members))
+    }
+
+    /// The largest number of rings with which no rank needs more than `available`: more rings mean fewer stops.
+    pub fn most_rings(&self, ranks: usize, available: u64) -> Option<Rings> {
+        let fits = |rings: &Rings| self.of_a_rank(*rings) <= available;
+        (1..=ranks).rev().filter_map(|rings| Rings::new(ranks, rings)).find(fits)
+    }
+
+    /// The least number of ranks that would do, in one ring; none if no number up to 65536 does.
+    pub fn fewest_ranks(&self, available: u64) -> Option<usize> {
+        (1..=1 << 16).find(|&ranks| self.of_a_rank(Rings::one(ranks)) <= available)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const DEMAND: Demand = Demand { everywhere: 10, owned: 800, held: 2400, building: 1600, outline: 0, packets: 0 };
+
+    #[test]
+    fn geometry_is_there_once_in_each_ring_and_light_once_in_all() {
+        let of = |ranks, rings| DEMAND.of_a_rank(Rings::new(ranks, rings).unwrap());
+        assert_eq!(of(1, 1), 10 + 2400 + 1600);
+        assert_eq!(of(8, 1), 10 + 300 + 200);
+        assert_eq!(of(8, 8), 10 + 2400 + 1600);
+        assert_eq!(of(8, 4), 10 + 1200 + 800);
+        // Rings of 3, 3 and 2 members: the smallest counts.
+        assert_eq!(of(8, 3), of(2, 1) - 400 + 400);
+        let without_building = Demand { building: 0, ..DEMAND };
+        assert_eq!(without_building.of_a_rank(Rings::new(8, 2).unwrap()), 10 + 600 + 100);
+    }
+
+    #[test]
+    fn packets_and_boxes_count_where_there_are_others() {
+        let demand = Demand::default().with_packets(16, 200, 8);
+        let of = |ranks, rings| demand.of_a_rank(Rings::new(ranks, rings).unwrap());
+        assert_eq!(of(4, 4), 0);
+        assert_eq!(of(4, 1), 4 * (16 * 200 * 24 + 8 * 24));
+        assert_eq!(of(5, 2), 3 * (16 * 200 * 24 + 8 * 24));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn the_most_rings_and_the_fewest_ranks_fit_and_no_others(
+            everywhere in 0u64..500, owned in 0u64..5000, held in 0u64..5000, building in 0u64..5000,
+            ranks in 1usize..40, available in 0u64..5000,
+        ) {
+            let demand = Demand { everywhere, owned, held, building, ..Demand::default() };
+            let fits = |rings: Rings| demand.of_a_rank(rings) <= available;
+            match demand.most_rings(ranks, available) {
+                Some(rings) => {
+                    prop_assert!(fits(rings));
+                    let more = rings.rings() + 1..=ranks;
+                    prop_assert!(more.into_iter().all(|r| !fits(Rings::new(ranks, r).unwrap())));
+                }
+                None => prop_assert!(!fits(Rings::new(ranks, 1).unwrap())),
+            }
+            if let Some(fewest) = demand.fewest_ranks(available) {
+                prop_assert!(fits(Rings::new(fewest, 1).unwrap()));
+                prop_assert!(fewest == 1 || !fits(Rings::new(fewest - 1, 1).unwrap()));
+            } else {
+                // Each of 65536 parts is rounded up.
+                prop_assert!(everywhere + 3 > available);
+            }
+        }
+    }
+}
