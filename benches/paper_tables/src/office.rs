@@ -1,6 +1,7 @@
 //! The office at the paper's sizes, its geometry in pieces, and its shots in their order.
 
 use anyhow::{Context, Result};
+use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions};
 use ringlight::resources::{Bytes, Resources};
 use ringlight::ring::{Bounds, Piece};
@@ -36,7 +37,7 @@ impl Office {
         let bytes = std::fs::read(folder.join("office.glb")).context("scenes/office.glb cannot be read")?;
         let scene = scene::read("office.glb", Bytes::new(bytes), &Folder(folder), &ReadOptions::default())?;
         let options = MeshOptions { patch_size: Some(0.475), element_size: Some(0.1945), ..MeshOptions::default() };
-        let mesh = mesh::build(&scene, &options)?;
+        let mesh = mesh::build(&scene, &options, Store::Heap)?;
         let whole = mesh::hierarchy(&mesh);
         // Ids of triangles are twice their facet's number, or one more.
         let mut sorted = whole.triangles().to_vec();

@@ -1,13 +1,41 @@
 //! What the system tells about this process and where it runs.
 
 use std::path::{Path, PathBuf};
+use std::sync::Once;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
-/// The largest private memory of this process so far, bytes; 0 where the system does not tell. Mapped files do not count:
-/// of the peak of all resident memory, the pages of files that are resident now are taken off.
+/// The largest private memory seen so far, bytes.
+static PEAK: AtomicU64 = AtomicU64::new(0);
+
+/// How often private memory is looked at. Touching so much new memory that it matters takes longer.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+
+/// Begins to watch this process's private memory. The system itself keeps only the peak of all resident memory, which says
+/// nothing where files are mapped: they may be resident at one time and not at another.
+pub fn watch_private_memory() {
+    static WATCH: Once = Once::new();
+    let watch = || {
+        while look().is_some() {
+            std::thread::sleep(LOOK_EVERY);
+        }
+    };
+    // Without the watch, only what is there at the end is told.
+    WATCH.call_once(|| drop(std::thread::Builder::new().name("memory".into()).stack_size(1 << 16).spawn(watch)));
+}
+
+/// The largest private memory of this process since it is watched, bytes; 0 where the system does not tell. Mapped files do
+/// not count.
 pub fn peak_private_memory() -> u64 {
-    let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return 0 };
-    let amount = |name: &str| kilobytes(&status, name).unwrap_or(0);
-    amount("VmHWM").saturating_sub(amount("RssFile") + amount("RssShmem")).max(amount("RssAnon"))
+    look();
+    PEAK.load(Ordering::Relaxed)
+}
+
+/// Notes the private memory of this moment.
+fn look() -> Option<()> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    PEAK.fetch_max(kilobytes(&status, "RssAnon")?, Ordering::Relaxed);
+    Some(())
 }
 
 /// The bytes that a line `name: … kB` tells.
@@ -111,6 +139,7 @@ mod tests {
     #[test]
     fn private_memory_and_cpu_time_grow() {
         let (before, busy_before) = (peak_private_memory(), busy_seconds());
+        watch_private_memory();
         let held = vec![1u8; 64 << 20];
         assert!(peak_private_memory() >= before + (60 << 20));
         assert!(held.iter().map(|&x| u64::from(x)).sum::<u64>() > 0 && busy_seconds() > 0.0);

@@ -33,6 +33,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    machine::watch_private_memory();
     let verb = match Arguments::try_parse() {
         Ok(arguments) => arguments.verb,
         Err(error) if launch::speaks() => error.exit(),

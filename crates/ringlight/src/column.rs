@@ -108,6 +108,11 @@ impl<T: Pod> Column<T> {
         })
     }
 
+    /// The values.
+    pub fn as_slice(&self) -> &[T] {
+        self
+    }
+
     /// Room for `additional` more values.
     pub fn reserve(&mut self, additional: usize) -> io::Result<()> {
         match &mut self.0 {

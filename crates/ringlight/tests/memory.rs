@@ -1,5 +1,6 @@
 //! Foretold memory beside what is really stored.
 
+use ringlight::column::Store;
 use ringlight::mesh::{self, MeshOptions};
 use ringlight::plan::Counts;
 use ringlight::resources::{Bytes, Resources};
@@ -22,7 +23,7 @@ fn what_is_foretold_is_what_is_stored() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes").join(name);
         let bytes = Bytes::new(std::fs::read(path).expect("the scene can be read"));
         let scene = scene::read(name, bytes, &Nothing, &ReadOptions::default()).expect("it is valid");
-        let mesh = mesh::build(&scene, &MeshOptions::default()).expect("it has surfaces");
+        let mesh = mesh::build(&scene, &MeshOptions::default(), Store::Heap).expect("it has surfaces");
         let counts = Counts::of(&mesh);
         let mesh_bytes = size_of_val(&*mesh.facets)
             + size_of_val(&*mesh.patch_facets)

@@ -12,6 +12,20 @@ fn the_solution_does_not_depend_on_threads() {
 }
 
 #[test]
+fn the_solution_does_not_depend_on_scratch_files() {
+    let workshop = Workshop::new();
+    std::fs::create_dir(workshop.path("scratch")).unwrap();
+    workshop.bake("-o memory.ringlight --max-shots 20").assert().code(0);
+    workshop.bake("-o files.ringlight --max-shots 20 --scratch scratch").assert().code(0);
+    assert!(workshop.bytes("memory.ringlight") == workshop.bytes("files.ringlight"));
+    assert_eq!(std::fs::read_dir(workshop.path("scratch")).unwrap().count(), 0);
+    let refused = workshop.bake("-o none.ringlight --scratch nowhere").assert().code(1);
+    let message = String::from_utf8_lossy(&refused.get_output().stderr).into_owned();
+    assert!(message.contains("no scratch memory: nowhere: "), "{message}");
+    assert!(!workshop.path("none.ringlight").exists());
+}
+
+#[test]
 fn the_solution_does_not_depend_on_where_the_scene_lies() {
     let (here, there) = (Workshop::new(), Workshop::new());
     here.bake("-o a.ringlight --max-shots 20").assert().code(0);

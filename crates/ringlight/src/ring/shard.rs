@@ -156,7 +156,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn piece(low: [f32; 3], size: f32, triangles: u32) -> Piece {
-        let plane = if triangles % 3 == 0 { triangles % 7 } else { NO_PLANE };
+        let plane = if triangles.is_multiple_of(3) { triangles % 7 } else { NO_PLANE };
         Piece { bounds: Bounds { low, high: low.map(|c| c + size) }, triangles, plane }
     }
 

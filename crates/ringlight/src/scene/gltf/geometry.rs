@@ -81,12 +81,12 @@ pub(super) struct Primitive {
 /// A mesh under a node.
 #[derive(Debug)]
 pub(super) struct Placement {
-    /// JSON path of the node.
-    pub path: String,
+    /// Index of the node in the file.
+    pub node: u32,
     /// World transformation of the node.
     pub world: DMat4,
     /// `EXT_mesh_gpu_instancing`.
-    pub instances: Option<Instances>,
+    pub instances: Option<Box<Instances>>,
     /// Weights of the morph targets.
     pub weights: Vec<f64>,
     /// Joint matrices at rest (section 3.7.3.3); with them the node's own transformation does not count.
@@ -225,7 +225,7 @@ impl Reader<'_> {
         let world = matrix.transform_point3(local);
         if !world.is_finite() || world.abs().max_element() > MOST_DISTANT {
             return Err(self.undefined(
-                &format!("{}.mesh: {}", self.placement.path, self.primitive.path),
+                &format!("nodes[{}].mesh: {}", self.placement.node, self.primitive.path),
                 vertex,
                 world,
             ));

@@ -74,13 +74,13 @@ pub fn read(name: &str, bytes: Bytes, resources: &dyn Resources) -> Result<Scene
             sources: Vec::new(),
         },
     };
-    let mut nodes = Vec::with_capacity(hierarchy.shown.len());
+    let mut nodes = hierarchy.nodes;
     let mut lights = Vec::new();
     let mut cameras = Vec::new();
-    for (slot, (index, mut node)) in (0_u32..).zip(hierarchy.shown) {
+    for (slot, (&index, node)) in (0_u32..).zip(hierarchy.shown.iter().zip(&mut nodes)) {
         let Some(source) = find(&document.nodes, index) else { continue };
         let world = DMat4::from_cols_array_2d(&node.world);
-        builder.place_mesh(index, source, slot, &node)?;
+        builder.place_mesh(index, source, slot, node)?;
         if let Some(camera) = source.camera {
             node.camera = builder.camera(camera, index, &node.name, &world)?.map(|camera| {
                 cameras.push(camera);
@@ -90,7 +90,6 @@ pub fn read(name: &str, bytes: Bytes, resources: &dyn Resources) -> Result<Scene
         if let Some(light) = source.extensions.as_ref().and_then(|extensions| extensions.light.as_ref()) {
             lights.extend(builder.light(light.light, index, slot, &world)?);
         }
-        nodes.push(node);
     }
     let Builder { surfaces, geometry, .. } = builder;
     if surfaces.is_empty() {
@@ -122,8 +121,8 @@ pub fn read(name: &str, bytes: Bytes, resources: &dyn Resources) -> Result<Scene
 fn used_materials(document: &Document, hierarchy: &Hierarchy) -> Vec<bool> {
     let mut used = vec![false; document.materials.len() + 1];
     let mut is_seen = vec![false; document.meshes.len()];
-    for (index, _) in &hierarchy.shown {
-        let Some(mesh) = find(&document.nodes, *index).and_then(|node| node.mesh) else { continue };
+    for &index in &hierarchy.shown {
+        let Some(mesh) = find(&document.nodes, index).and_then(|node| node.mesh) else { continue };
         if is_seen.get_mut(mesh as usize).is_none_or(|seen| std::mem::replace(seen, true)) {
             continue;
         }
@@ -167,7 +166,8 @@ impl Builder<'_, '_> {
         let instance_count = instances.as_ref().map_or(1, |instances| instances.count);
         let placement = self.geometry.placements.len() as u32;
         let world = DMat4::from_cols_array_2d(&node.world);
-        self.geometry.placements.push(Placement { path: path.clone(), world, instances, weights, joints });
+        let instances = instances.map(Box::new);
+        self.geometry.placements.push(Placement { node: index, world, instances, weights, joints });
         let wanted = primitives.len().saturating_mul(instance_count).saturating_add(self.surfaces.len());
         if wanted > MOST_SURFACES {
             let found = format!("{wanted} surfaces, counting every instance");

@@ -9,8 +9,10 @@ use glam::{DMat4, DQuat, DVec3};
 pub(super) struct Hierarchy {
     /// World transformation of every node of the file, whether the default scene shows it or not: joints need not be in it.
     pub world: Vec<DMat4>,
-    /// The nodes of the default scene, parents before children: their index in the file, and the node.
-    pub shown: Vec<(u32, Node)>,
+    /// Indices of the nodes of the default scene, parents before children.
+    pub shown: Vec<u32>,
+    /// These nodes.
+    pub nodes: Vec<Node>,
     /// Name of the default scene, may be empty.
     pub scene_name: String,
 }
@@ -40,25 +42,24 @@ pub(super) fn resolve(name: &str, document: &Document) -> Result<Hierarchy, Scen
     let (scene_name, roots) = default_scene(name, document, &parents)?;
     let roots = roots.unwrap_or(all_roots);
     let mut slots: Vec<Option<u32>> = vec![None; document.nodes.len()];
-    let mut shown = Vec::new();
-    for (slot, index) in (0_u32..).zip(depth_first(document, &roots)) {
+    let mut shown = depth_first(document, &roots);
+    shown.retain(|&index| find(&document.nodes, index).is_some());
+    let mut nodes = Vec::with_capacity(shown.len());
+    for (slot, &index) in (0_u32..).zip(&shown) {
         let Some(node) = find(&document.nodes, index) else { continue };
         if let Some(entry) = slots.get_mut(index as usize) {
             *entry = Some(slot);
         }
-        shown.push((
-            index,
-            Node {
-                name: node.name.clone().unwrap_or_default(),
-                parent: parent_of(&parents, index).and_then(|parent| find(&slots, parent).copied().flatten()),
-                local: local(document, index).to_cols_array_2d(),
-                world: find(&world, index).copied().unwrap_or_default().to_cols_array_2d(),
-                camera: None,
-                extras: node.extras.clone(),
-            },
-        ));
+        nodes.push(Node {
+            name: node.name.clone().unwrap_or_default(),
+            parent: parent_of(&parents, index).and_then(|parent| find(&slots, parent).copied().flatten()),
+            local: local(document, index).to_cols_array_2d(),
+            world: find(&world, index).copied().unwrap_or_default().to_cols_array_2d(),
+            camera: None,
+            extras: node.extras.clone(),
+        });
     }
-    Ok(Hierarchy { world, shown, scene_name })
+    Ok(Hierarchy { world, shown, nodes, scene_name })
 }
 
 fn parent_of(parents: &[Option<u32>], index: u32) -> Option<u32> {
