@@ -176,7 +176,8 @@ impl<'a, 'b> Run<'a, 'b> {
 
     /// This rank's place in its ring, with the hierarchy of its shard if it has been built before.
     pub fn ring<'m>(&self, mesh: &'m Mesh, hierarchy: Option<Arc<Hierarchy>>) -> Ring<'m> {
-        Ring::with(mesh, &spread::spread(self.spread, self.rings), self.ranks.rank(), hierarchy)
+        let spread = spread::spread(self.spread, self.rings);
+        Ring::with(mesh, &spread, self.ranks.rank(), hierarchy, Box::new(machine::thread_seconds))
     }
 
     /// Gives all ranks of a machine what its first has made.

@@ -3,6 +3,7 @@
 mod choice;
 mod energy;
 mod exchange;
+mod holding;
 mod ledger;
 mod plain;
 mod receiving;
@@ -12,9 +13,10 @@ mod state;
 mod walking;
 
 pub use energy::Energy;
+pub use holding::OUTLINE;
 pub use ledger::Ledger;
 pub use plain::plain;
-pub use ring::{Job, OUTLINE, Ring};
+pub use ring::{Clock, Job, Ring};
 pub use share::{Share, Spread};
 pub use state::{State, World};
 
