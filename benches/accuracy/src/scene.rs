@@ -6,8 +6,8 @@ use ringlight::probe::{self, GatherOptions, Point, Reading, Status, SurfaceOptio
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene};
 use ringlight::shooting::{ElementLight, Shoot};
-use ringlight::solution::{Description, Solution};
-use ringlight::solve::{self, Energy, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solution::{Description, Solution, SolvedLight};
+use ringlight::solve::{self, Energy, Ledger, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::fmt::Write;
@@ -178,7 +178,8 @@ impl Meshed {
         let energy = energy(&state, world);
         let description = Description::new(&self.scene);
         let mesh = self.mesh.clone();
-        Solution { description, mesh, settings: world.settings, state, energy, images: Vec::new() }
+        let (ledger, light) = (Ledger::of(&state), SolvedLight::of(state.clusters, Store::Heap).unwrap());
+        Solution { description, mesh, settings: world.settings, ledger, light, energy, images: Vec::new() }
     }
 
     /// Irradiance gathered at points (position, normal); not a number where there is none to tell of.

@@ -2,16 +2,17 @@
 
 use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice};
 use crate::failure::{End, Failure};
+use crate::host::Host;
 use crate::input;
-use crate::outputs::{self, Content, Others};
+use crate::outputs::{self, Others};
 use crate::progress::Stage;
-use crate::run::{self, Run};
-use crate::scratch::FileScratch;
+use crate::run::{self, Baked, Made, Run};
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
+use ringlight::quantity::Rgb;
 use ringlight::scene::{Place, Warnings};
 use ringlight::shooting::Shoot;
-use ringlight::solution::{Description, Solution};
+use ringlight::solution::Description;
 use ringlight::solve::{SolveSettings, State, World};
 use ringlight::transport::Communicator;
 
@@ -21,27 +22,13 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let path = arguments.scene.as_path();
     let others = Others { scene: Some(path), ..run.others() };
     run.on_first_rank(|| outputs::check(&arguments.targets, &others))?;
-    let scratch = arguments.sizes.scratch.as_deref().map(FileScratch::new);
-    let store = scratch.as_ref().map_or(Store::Heap, |scratch| Store::Scratch(scratch));
-    let (scene, read) = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit, store))?;
-    run.on_first_rank(|| outputs::check_inputs(&arguments.targets, &others, &read))?;
-    run.warn(&scene.warnings);
-    outputs::check_camera(&arguments.display, &scene.cameras)?;
-    let options = input::mesh_options(&arguments.sizes);
-    let mut mesh =
-        run.stage(Stage::Mesh, |_| mesh::build(&scene, &options, store)).map_err(|e| input::locate(e, path))?;
-    run.warn(&skipped(&mesh));
-    run.detail(&sizes(&mesh));
+    let frugal = arguments.spread.memory_per_rank.is_some();
+    let host = Host::find(run.ranks, arguments.sizes.scratch.as_deref(), frugal)?;
     let settings = settings(&arguments.method, arguments.sizes.quality);
-    if !input::has_light(&scene, &mesh, settings.sky) {
-        return Err(input::no_light(path));
-    }
+    let made = if host.leads() { Some(make(&mut run, arguments, host.store(), settings.sky)?) } else { None };
+    let Made { mut mesh, description, images } = run.share(&host, made)?;
     run.choose_rings(&mesh)?;
-    let description = Description::new(&scene);
-    let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
-    // The geometry is in the mesh now.
-    drop(scene);
-    let hierarchy = run.stage(Stage::Build, |run| run.find_valid_samples(&mut mesh))?;
+    let hierarchy = run.stage(Stage::Build, |run| run.find_valid_samples(&host, &mut mesh))?;
     let mut ring = run.ring(&mesh, Some(hierarchy));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
     let state = State::new(&world, run.ranks)?;
@@ -53,17 +40,36 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     }
     let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
     let hierarchy = run.whole_hierarchy(&ring);
-    drop((world, ring));
-    let end = (solved.progress, solved.reason);
-    let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
-    let outcome = run.write(&Content::new(&solution, &arguments.display, hierarchy), &arguments.targets);
-    let mut reported = run::settings(&settings, &solution.mesh, &arguments.stop);
+    drop(ring);
+    let mut reported = run::settings(&settings, &mesh, &arguments.stop);
     let quality = arguments.sizes.quality;
     reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());
     if let Some(unit) = arguments.sizes.unit {
         reported.insert("unit".into(), format!("{unit:?}").to_lowercase().into());
     }
-    run.end(&solution, end, reported, outcome)
+    drop(world);
+    let baked = Baked { made: Made { mesh, description, images }, settings, solved };
+    run.finish(baked, (&arguments.targets, &arguments.display), &host, hierarchy, reported)
+}
+
+/// Reads the scene and cuts it.
+fn make(run: &mut Run<'_, '_>, arguments: &Bake, store: Store<'_>, sky: Option<Rgb>) -> Result<Made, Failure> {
+    let path = arguments.scene.as_path();
+    let (scene, read) = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit, store))?;
+    outputs::check_inputs(&arguments.targets, &run.others(), &read)?;
+    run.warn(&scene.warnings);
+    outputs::check_camera(&arguments.display, &scene.cameras)?;
+    let options = input::mesh_options(&arguments.sizes);
+    let mesh = run.stage(Stage::Mesh, |_| mesh::build(&scene, &options, store)).map_err(|e| input::locate(e, path))?;
+    run.warn(&skipped(&mesh));
+    run.detail(&sizes(&mesh));
+    outputs::check_sizes(&arguments.targets, &mesh)?;
+    if !input::has_light(&scene, &mesh, sky) {
+        return Err(input::no_light(path));
+    }
+    let description = Description::new(&scene);
+    let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
+    Ok(Made { mesh, description, images })
 }
 
 /// The settings that decide the result.

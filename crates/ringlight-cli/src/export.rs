@@ -12,8 +12,9 @@ pub fn export(arguments: &Export) -> Result<End, Failure> {
     outputs::check(&arguments.targets, &Others { scene, ..Others::default() })?;
     let solution = input::solution(path, scene)?;
     outputs::check_camera(&arguments.display, &solution.description.cameras)?;
+    outputs::check_sizes(&arguments.targets, &solution.mesh)?;
     if !arguments.quiet {
-        for warning in outputs::missing_images(&solution, &arguments.targets).0 {
+        for warning in outputs::missing_images(&solution.description, &solution.images, &arguments.targets).0 {
             eprintln!("warning: {}", run::warning(&warning.message, warning.count, ""));
         }
     }

@@ -4,6 +4,7 @@ use crate::map;
 use anyhow::{Context, bail};
 use ringlight::column::Store;
 use ringlight::resources::{Bytes, Resources};
+use ringlight::transport::{Communicator, Failure as RankFailure};
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Component, Path, PathBuf};
@@ -161,6 +162,38 @@ pub fn write<T>(path: &Path, content: impl FnOnce(&mut NewFile) -> io::Result<T>
     whole().with_context(|| format!("{}: cannot be written", path.display()))
 }
 
+/// Writes a file over ranks: all of them call it, and rank 0 writes. `content` runs on all of them even when rank 0 has no
+/// file to write to. The outer error is that of the ranks; the inner one is rank 0's, and leaves what was there.
+pub fn write_over_ranks(
+    path: &Path,
+    ranks: &mut Communicator<'_>,
+    content: impl FnOnce(&mut Communicator<'_>, &mut dyn Write) -> Result<io::Result<()>, RankFailure>,
+) -> Result<anyhow::Result<()>, RankFailure> {
+    let failed = |error| anyhow::Error::new(error).context(format!("{}: cannot be written", path.display()));
+    if ranks.rank() > 0 {
+        return Ok(content(ranks, &mut io::sink())?.map_err(failed));
+    }
+    let written = match NewFile::create(path) {
+        Ok(mut file) => content(ranks, &mut file)?.and_then(|()| file.finish()),
+        // What the others hear must not depend on it: they take part as if there were a file.
+        Err(error) => content(ranks, &mut Refusing).map(|_| Err(error))?,
+    };
+    Ok(written.map_err(failed))
+}
+
+/// Takes nothing.
+struct Refusing;
+
+impl Write for Refusing {
+    fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 /// Writes two files that belong together: both of them whole, or neither.
 pub fn write_pair<T>(
     [first, second]: [&Path; 2],
@@ -219,5 +252,27 @@ mod tests {
         write(&path, |out| out.write_all(b"anew")).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"anew");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn ranks_write_one_file_and_those_without_hear_of_no_failure() {
+        use ringlight::transport::threads;
+        let folder = tempfile::tempdir().unwrap();
+        let write = |path: PathBuf| {
+            let results = threads::run(3, |ranks| {
+                write_over_ranks(&path, ranks, |ranks, out| {
+                    let sum = ranks.all_reduce(1, [1], |a, b| [a[0] + b[0]])?;
+                    Ok(out.write_all(&sum))
+                })
+            });
+            results.unwrap()
+        };
+        let fine = folder.path().join("fine");
+        assert!(write(fine.clone()).iter().all(Result::is_ok));
+        assert_eq!(std::fs::read(&fine).unwrap(), [3]);
+        let failed = write(folder.path().join("no folder/file"));
+        assert!(failed[1].is_ok() && failed[2].is_ok());
+        let error = format!("{:#}", failed[0].as_ref().unwrap_err());
+        assert!(error.contains("cannot be written: No such file"), "{error}");
     }
 }

@@ -7,9 +7,9 @@ use anyhow::Context;
 use ringlight::column::Store;
 use ringlight::mesh::{Mesh, MeshOptions, Quality};
 use ringlight::quantity::Rgb;
-use ringlight::resources::Resources;
+use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, Image, Place, ReadOptions, Scene, SceneError};
-use ringlight::solution::{self, Solution};
+use ringlight::solution::{self, Description, Solution};
 use std::path::{Path, PathBuf};
 
 /// Reads a scene, of which what has to be kept goes to `store`; gives also the files that it refers to.
@@ -24,7 +24,7 @@ pub fn scene(path: &Path, unit: Option<UnitChoice>, store: Store<'_>) -> Result<
         UnitChoice::M => 1.0,
         UnitChoice::In => 0.0254,
     };
-    let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
+    let bytes = bytes(path)?;
     let resources =
         FileResources::beside(path, store).with_context(|| format!("{}: cannot be read", path.display()))?;
     let options = ReadOptions { unit_in_metres };
@@ -78,21 +78,34 @@ pub fn default_cells(quality: QualityChoice) -> u32 {
     }
 }
 
-/// Reads a solution and attaches the images that it shows: from `scene` if given, else from files beside the solution.
+/// The bytes of a file.
+pub fn bytes(path: &Path) -> anyhow::Result<Bytes> {
+    files::open(path).with_context(|| format!("{}: cannot be read", path.display()))
+}
+
+/// Reads a solution and attaches the images that it shows.
 pub fn solution(path: &Path, scene_path: Option<&Path>) -> Result<Solution, Failure> {
-    let bytes = files::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    let mut solution = solution::read(&bytes).with_context(|| path.display().to_string())?;
-    let images = match scene_path {
-        Some(scene_path) => scene(scene_path, None, Store::Heap)?.0.images,
-        None => images_beside(path, &solution),
-    };
-    solution.attach_images(&images);
+    let mut solution = solution::read(&bytes(path)?, Store::Heap).with_context(|| path.display().to_string())?;
+    solution.images = images(path, scene_path, &solution.description)?;
     Ok(solution)
 }
 
-fn images_beside(path: &Path, solution: &Solution) -> Vec<Image> {
+/// The images that a solution shows: from `scene_path` if given, else from files beside the solution.
+pub fn images(
+    path: &Path,
+    scene_path: Option<&Path>,
+    description: &Description,
+) -> Result<Vec<Option<Bytes>>, Failure> {
+    let images = match scene_path {
+        Some(scene_path) => scene(scene_path, None, Store::Heap)?.0.images,
+        None => images_beside(path, description),
+    };
+    Ok(description.find_images(&images))
+}
+
+fn images_beside(path: &Path, description: &Description) -> Vec<Image> {
     let Ok(resources) = FileResources::beside(path, Store::Heap) else { return Vec::new() };
-    let wanted = solution.description.images.iter();
+    let wanted = description.images.iter();
     wanted
         .filter_map(|image| {
             let bytes = resources.read(&image.name).ok()?;

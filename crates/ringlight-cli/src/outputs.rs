@@ -4,12 +4,16 @@ use crate::arguments::{DisplayArguments, Targets, ToneChoice};
 use crate::failure::Failure;
 use crate::files::{self, NewFile};
 use crate::values::{ExposureChoice, PictureSize};
-use ringlight::mesh;
+use anyhow::Context;
+use ringlight::mesh::{self, Mesh};
 use ringlight::output::report::Units;
 use ringlight::output::{Exposure, FalseColour, LitOptions, Picture, PictureOptions, Tone, Unit, View};
-use ringlight::output::{ambient, render, write_exr, write_glb, write_gltf, write_png, write_table, write_vtu};
+use ringlight::output::{
+    ambient, check_glb, render, write_exr, write_glb, write_gltf, write_png, write_table, write_vtu,
+};
+use ringlight::resources::Bytes;
 use ringlight::scene::{Camera, Place, Warnings};
-use ringlight::solution::{self, Solution};
+use ringlight::solution::{self, Description, Solution};
 use ringlight_visibility::Hierarchy;
 use std::cell::OnceCell;
 use std::collections::BTreeSet;
@@ -163,6 +167,14 @@ pub fn identity(path: &Path) -> PathBuf {
     folder.canonicalize().unwrap_or_else(|_| folder.to_owned()).join(path.file_name().unwrap_or_default())
 }
 
+/// Whether the lit models can be as large as the mesh makes them, as far as that can be foretold.
+pub fn check_sizes(targets: &Targets, mesh: &Mesh) -> Result<(), Failure> {
+    match targets.output.iter().find(|output| output.kind == Kind::LitBinary) {
+        Some(output) => Ok(check_glb(mesh).with_context(|| output.path.display().to_string())?),
+        None => Ok(()),
+    }
+}
+
 /// Whether the camera that pictures ask for is there. Cameras without a name are called `camera 0`, `camera 1`, …
 pub fn check_camera(display: &DisplayArguments, cameras: &[Camera]) -> Result<(), Failure> {
     let name_of = |(number, camera): (usize, &Camera)| match camera.name.as_str() {
@@ -180,10 +192,10 @@ pub fn check_camera(display: &DisplayArguments, cameras: &[Camera]) -> Result<()
 }
 
 /// A warning if outputs show images that are not at hand.
-pub fn missing_images(solution: &Solution, targets: &Targets) -> Warnings {
+pub fn missing_images(description: &Description, images: &[Option<Bytes>], targets: &Targets) -> Warnings {
     let mut warnings = Warnings::default();
     let shows = targets.output.iter().any(|o| matches!(o.kind, Kind::LitBinary | Kind::LitText) || o.kind.is_picture());
-    let mut missing = solution.description.images.iter().zip(&solution.images).filter(|(_, bytes)| bytes.is_none());
+    let mut missing = description.images.iter().zip(images).filter(|(_, bytes)| bytes.is_none());
     if let Some((image, _)) = missing.next().filter(|_| shows) {
         let message = format!("the image '{}' is not beside the solution; --scene FILE says where it is", image.name);
         warnings.add_many("missing-image", message, Place::default(), 1 + missing.count() as u64);

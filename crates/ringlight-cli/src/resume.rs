@@ -3,12 +3,15 @@
 use crate::arguments::Resume;
 use crate::bake;
 use crate::failure::{End, Failure};
+use crate::host::Host;
 use crate::input;
-use crate::outputs::{self, Content, Others};
+use crate::outputs::{self, Others};
 use crate::progress::Stage;
-use crate::run::{self, Run};
-use ringlight::solution::Solution;
-use ringlight::solve::{State, World};
+use crate::run::{self, Baked, Made, Run};
+use anyhow::Context;
+use ringlight::column::Store;
+use ringlight::solution::SolutionFile;
+use ringlight::solve::World;
 use ringlight::transport::Communicator;
 
 /// Resumes.
@@ -17,28 +20,42 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     let others = Others { scene, resumed: Some(path), ..run.others() };
     run.on_first_rank(|| outputs::check(&arguments.targets, &others))?;
-    let solution = run.stage(Stage::Load, |_| input::solution(path, scene))?;
-    outputs::check_camera(&arguments.display, &solution.description.cameras)?;
-    // These were said when the scene was read.
-    run.remember(&solution.description.warnings);
-    run.remember(&bake::skipped(&solution.mesh));
-    run.warn(&outputs::missing_images(&solution, &arguments.targets));
-    run.choose_rings(&solution.mesh)?;
-    let Solution { description, mesh, settings, state, images, .. } = solution;
+    let frugal = arguments.spread.memory_per_rank.is_some();
+    let host = Host::find(run.ranks, None, frugal)?;
+    let located = || path.display().to_string();
+    let bytes = input::bytes(path)?;
+    let file = run.stage(Stage::Load, |_| SolutionFile::open(&bytes)).with_context(located)?;
+    let made = if host.leads() { Some(make(&mut run, arguments, &file, host.store())?) } else { None };
+    let Made { mesh, description, images } = run.share(&host, made)?;
+    let settings = file.settings();
+    run.choose_rings(&mesh)?;
     let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, None));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
-    let mut clusters: Vec<_> = state.clusters.into_iter().map(Some).collect();
-    let own = world.share.own.iter().filter_map(|&cluster| clusters[cluster as usize].take()).collect();
-    let state = State { clusters: own, ..state };
+    let light = run.stage(Stage::Load, |_| file.light_of(&mesh, &world.share.own)).with_context(located)?;
+    let state = file.ledger().with(light);
     if state.emitters_shot as usize > world.emitters.len() {
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }
     let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
     let hierarchy = run.whole_hierarchy(&ring);
-    drop((world, ring));
-    let end = (solved.progress, solved.reason);
-    let solution = Solution { description, mesh, settings, state: solved.state, energy: solved.energy, images };
-    let outcome = run.write(&Content::new(&solution, &arguments.display, hierarchy), &arguments.targets);
-    let reported = run::settings(&settings, &solution.mesh, &arguments.stop);
-    run.end(&solution, end, reported, outcome)
+    drop(ring);
+    drop(world);
+    let reported = run::settings(&settings, &mesh, &arguments.stop);
+    let baked = Baked { made: Made { mesh, description, images }, settings, solved };
+    run.finish(baked, (&arguments.targets, &arguments.display), &host, hierarchy, reported)
+}
+
+/// Takes from a solution what is not light.
+fn make(run: &mut Run<'_, '_>, arguments: &Resume, file: &SolutionFile<'_>, store: Store<'_>) -> Result<Made, Failure> {
+    let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
+    let mesh = run.stage(Stage::Load, |_| file.mesh(store)).with_context(|| path.display().to_string())?;
+    let description = file.description().clone();
+    let images = input::images(path, scene, &description)?;
+    outputs::check_camera(&arguments.display, &description.cameras)?;
+    outputs::check_sizes(&arguments.targets, &mesh)?;
+    // These were said when the scene was read.
+    run.remember(&description.warnings);
+    run.remember(&bake::skipped(&mesh));
+    run.warn(&outputs::missing_images(&description, &images, &arguments.targets));
+    Ok(Made { mesh, description, images })
 }

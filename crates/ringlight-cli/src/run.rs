@@ -1,23 +1,27 @@
 //! A run: scene or solution → light → files, stage by stage, timed.
 
-use crate::arguments::{ProgressChoice, RunArguments, SpreadArguments, StopArguments, Targets};
+use crate::arguments::{DisplayArguments, ProgressChoice, RunArguments, SpreadArguments, StopArguments, Targets};
 use crate::failure::{End, Failure};
 use crate::files;
+use crate::host::Host;
 use crate::launch::COMMAND;
 use crate::machine;
-use crate::outputs::{self, Content, Others, Written};
+use crate::outputs::{self, Content, Kind, Others, Output, Written};
 use crate::progress::{Reporter, Stage};
 use crate::signals::Signals;
 use crate::spread;
-use crate::watch::{Checkpoint, Watch, whole_state};
+use crate::watch::{Checkpoint, Watch};
 use anyhow::Context;
 use ringlight::mesh::Mesh;
 use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units};
 use ringlight::plan::Counts;
+use ringlight::resources::Bytes;
 use ringlight::ring::Rings;
 use ringlight::scene::{Place, Warnings};
-use ringlight::solution::{self, Description, Solution};
-use ringlight::solve::{self, Energy, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solution::{self, Description, OwnLight, Snapshot, Solution, SolvedLight};
+use ringlight::solve::{
+    self, Energy, Ledger, Progress, Ring, Share, SolveSettings, State, StopReason, StopRule, World,
+};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::io::Write;
@@ -43,9 +47,31 @@ pub struct Run<'a, 'b> {
     warnings: Warnings,
 }
 
+/// What is solved: on ranks that do not lead, without what only outputs need.
+pub struct Made {
+    /// Patches and elements.
+    pub mesh: Mesh,
+    /// The scene without geometry.
+    pub description: Description,
+    /// Encoded images where they are at hand.
+    pub images: Vec<Option<Bytes>>,
+}
+
+/// All that outputs are made of.
+pub struct Baked {
+    /// The scene.
+    pub made: Made,
+    /// What decided the result.
+    pub settings: SolveSettings,
+    /// The result.
+    pub solved: Solved,
+}
+
 /// What the solver left.
 pub struct Solved {
-    /// The light.
+    /// What this rank owns.
+    pub share: Arc<Share>,
+    /// The light of own clusters.
     pub state: State,
     /// Its audit.
     pub energy: Energy,
@@ -153,20 +179,37 @@ impl<'a, 'b> Run<'a, 'b> {
         Ring::with(mesh, &spread::spread(self.spread, self.rings), self.ranks.rank(), hierarchy)
     }
 
+    /// Gives all ranks of a machine what its first has made.
+    pub fn share(&mut self, host: &Host, made: Option<Made>) -> Result<Made, Failure> {
+        if self.ranks.size() == 1 {
+            return made.context("a rank that is alone makes its mesh").map_err(Failure::from);
+        }
+        let lights = made.as_ref().map_or(Ok(Vec::new()), |made| serde_json::to_vec(&made.description.lights));
+        let lights = self.ranks.broadcast(0, COMMAND, lights.context("lights")?)?;
+        let write = made.as_ref().map(|made| |out: &mut dyn Write| made.mesh.share(out));
+        let mesh = Mesh::shared(&host.share(self.ranks, write)?).context("what ranks share")?;
+        Ok(match made {
+            Some(made) => Made { mesh, ..made },
+            None => Made {
+                mesh,
+                description: Description {
+                    lights: serde_json::from_slice(&lights).context("lights")?,
+                    ..Description::default()
+                },
+                images: Vec::new(),
+            },
+        })
+    }
+
     /// Finds the samples of the mesh that lie free, each rank those of its own clusters, and tells all. Gives the hierarchy
     /// of this rank's shard.
-    pub fn find_valid_samples(&mut self, mesh: &mut Mesh) -> Result<Arc<Hierarchy>, Failure> {
+    pub fn find_valid_samples(&mut self, host: &Host, mesh: &mut Mesh) -> Result<Arc<Hierarchy>, Failure> {
         let mut ring = self.ring(mesh, None);
         let own = ring.find_valid_samples(self.ranks)?;
         let (hierarchy, share) = (ring.hierarchy().clone(), ring.share().clone());
         drop(ring);
-        let all = self.ranks.all_gather(COMMAND, own.iter().flat_map(|bits| bits.to_le_bytes()).collect())?;
-        let mut parts: Vec<_> = all.iter().map(|part| part.as_chunks().0.iter()).collect();
-        for (cluster, &owner) in mesh.clusters.iter().zip(&share.owners) {
-            let elements = cluster.elements.start as usize..cluster.elements.end as usize;
-            let found = &mut parts[owner as usize];
-            mesh.valid[elements].iter_mut().zip(found).for_each(|(valid, bits)| *valid = u16::from_le_bytes(*bits));
-        }
+        mesh.valid =
+            if self.ranks.size() == 1 { own.into() } else { host.share_valid(self.ranks, mesh, &share, &own)? };
         Ok(hierarchy)
     }
 
@@ -187,7 +230,7 @@ impl<'a, 'b> Run<'a, 'b> {
     ) -> Result<Solved, Failure> {
         let rule = StopRule { until: stop.until, max_shots: stop.max_shots };
         let (reason, progress, checkpoint_failed) = self.stage(Stage::Solve, |run| {
-            let checkpoint = run.arguments.checkpoint.as_ref().filter(|_| run.is_first()).map(Checkpoint::new);
+            let checkpoint = run.arguments.checkpoint.as_ref().map(Checkpoint::new);
             let Run { ranks, reporter, signals, start, .. } = run;
             let mut watch = Watch { reporter, signals, start: *start, stop, description, world, checkpoint };
             let (reason, progress) = solve::plain(world, ring, &mut state, &rule, ranks, &mut watch)?;
@@ -201,8 +244,7 @@ impl<'a, 'b> Run<'a, 'b> {
         }
         self.note_share(ring);
         let energy = state.energy(world, self.ranks)?;
-        let state = whole_state(&state, world, self.ranks)?;
-        Ok(Solved { state, energy, progress, reason })
+        Ok(Solved { share: world.share.clone(), state, energy, progress, reason })
     }
 
     /// Notes this rank's share of the work, for the report.
@@ -220,43 +262,77 @@ impl<'a, 'b> Run<'a, 'b> {
         };
     }
 
-    /// Writes the outputs and the last checkpoint. One that fails does not keep the others from being written.
-    pub fn write(&mut self, content: &Content<'_>, targets: &Targets) -> Outcome {
-        let mut outcome = Outcome::default();
-        if !self.is_first() {
-            return outcome;
-        }
-        self.stage(Stage::Write, |run| {
-            if let Some(choice) = &run.arguments.checkpoint {
-                outcome.note(files::write(&choice.file, |out| solution::write(content.solution, out)));
-            }
-            for output in &targets.output {
-                match outputs::write(output, content) {
-                    Ok(Written { clipped }) => {
-                        outcome.clipped = outcome.clipped.max(clipped);
-                        run.detail(&format!("wrote {}", output.path.display()));
-                    }
-                    Err(error) => outcome.note(Err(error)),
-                }
-            }
-            outcome
-        })
-    }
-
-    /// Writes the report, says in a line what was done, and tells how the command ends.
-    pub fn end(
+    /// Writes the outputs, the last checkpoint and the report, says in a line what was done, and tells how the command ends.
+    /// Every rank calls it.
+    pub fn finish(
         mut self,
-        solution: &Solution,
-        (progress, reason): (Progress, StopReason),
+        baked: Baked,
+        (targets, display): (&Targets, &DisplayArguments),
+        host: &Host,
+        hierarchy: Option<Arc<Hierarchy>>,
         mut settings: Settings,
-        outcome: Outcome,
     ) -> Result<End, Failure> {
+        let mut outcome = Outcome::default();
+        let Baked { made: Made { mesh, description, images }, settings: solve_settings, solved } = baked;
+        let Solved { share, state, energy, progress, reason } = solved;
+        let ledger = Ledger::of(&state);
+        let digest = OwnLight { own: &share.own, clusters: &state.clusters }.digest(&mesh, ledger.shots, self.ranks)?;
+        self.stage(Stage::Write, |run| {
+            let light = OwnLight { own: &share.own, clusters: &state.clusters };
+            let snapshot = Snapshot {
+                description: &description,
+                mesh: &mesh,
+                settings: &solve_settings,
+                ledger: &ledger,
+                energy: &energy,
+            };
+            let solutions = targets.output.iter().filter(|output| output.kind == Kind::Solution);
+            let checkpoint = run.arguments.checkpoint.as_ref().map(|choice| &choice.file);
+            for path in checkpoint.into_iter().chain(solutions.map(|output| &output.path)) {
+                outcome.note(files::write_over_ranks(path, run.ranks, |ranks, out| {
+                    solution::write_over_ranks(&snapshot, light, ranks, out)
+                })?);
+                run.detail(&format!("wrote {}", path.display()));
+            }
+            Ok::<_, Failure>(())
+        })?;
+        let report = SceneReport::new(&description, &mesh);
+        let units = Units::of(&description);
+        let others: Vec<&Output> = targets.output.iter().filter(|output| output.kind != Kind::Solution).collect();
+        // They are made on the first rank, from light that is kept with the mesh.
+        if !others.is_empty() {
+            let light = OwnLight { own: &share.own, clusters: &state.clusters };
+            let light = match self.ranks.size() {
+                1 => Some(SolvedLight::of(state.clusters, host.store()).context("the light cannot be kept")?),
+                _ => light.gather(&mesh, host.store(), self.ranks)?,
+            };
+            if let Some(light) = light {
+                let settings = solve_settings;
+                let solution = Solution { description, mesh, settings, ledger, light, energy, images };
+                self.write(&others, &Content::new(&solution, display, hierarchy), &mut outcome);
+            }
+        }
         self.seconds.total = self.start.elapsed().as_secs_f64();
-        let mut errors = outcome.errors;
+        let Outcome { mut errors, clipped } = outcome;
         let ranks = self.rank_reports()?;
         settings.extend(spread::settings(self.spread, self.rings));
         if let (Some(path), Some(ranks)) = (&self.arguments.report, ranks) {
-            let report = self.report(ranks, solution, (&progress, reason), settings, outcome.clipped);
+            let report = Report {
+                schema: report::SCHEMA,
+                version: env!("CARGO_PKG_VERSION"),
+                command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
+                units,
+                warnings: report::warnings(&self.warnings),
+                scene: report,
+                settings: settings.into(),
+                solve: SolveReport::new(&progress, reason),
+                seconds: self.seconds,
+                energy,
+                clipped,
+                peak_memory_bytes: ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0),
+                solution_digest: digest.unwrap_or_default(),
+                ranks,
+            };
             let written = files::write(path, |out| {
                 serde_json::to_writer_pretty(&mut *out, &report)?;
                 out.write_all(b"\n")
@@ -278,6 +354,21 @@ impl<'a, 'b> Run<'a, 'b> {
         })
     }
 
+    /// Writes outputs on this rank. One that fails does not keep the others from being written.
+    fn write(&mut self, outputs: &[&Output], content: &Content<'_>, outcome: &mut Outcome) {
+        self.stage(Stage::Write, |run| {
+            for output in outputs {
+                match outputs::write(output, content) {
+                    Ok(Written { clipped }) => {
+                        outcome.clipped = outcome.clipped.max(clipped);
+                        run.detail(&format!("wrote {}", output.path.display()));
+                    }
+                    Err(error) => outcome.note(Err(error)),
+                }
+            }
+        });
+    }
+
     /// What every rank has to report, on the first one.
     fn rank_reports(&mut self) -> Result<Option<Vec<RankReport>>, Failure> {
         let own = RankReport {
@@ -290,34 +381,6 @@ impl<'a, 'b> Run<'a, 'b> {
         let all = self.ranks.gather(0, COMMAND, serde_json::to_vec(&own).map_err(anyhow::Error::new)?)?;
         let read = |bytes: Vec<u8>| serde_json::from_slice(&bytes).map_err(|error| anyhow::Error::new(error).into());
         all.map(|all| all.into_iter().map(read).collect()).transpose()
-    }
-
-    fn report(
-        &self,
-        ranks: Vec<RankReport>,
-        solution: &Solution,
-        (progress, reason): (&Progress, StopReason),
-        settings: Settings,
-        clipped: f64,
-    ) -> Report {
-        let (mesh, description) = (&solution.mesh, &solution.description);
-        let peak_memory_bytes = ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0);
-        Report {
-            schema: report::SCHEMA,
-            version: env!("CARGO_PKG_VERSION"),
-            command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
-            units: Units::of(description),
-            warnings: report::warnings(&self.warnings),
-            scene: SceneReport::new(description, mesh),
-            settings: settings.into(),
-            solve: SolveReport::new(progress, reason),
-            seconds: self.seconds,
-            energy: solution.energy,
-            clipped,
-            peak_memory_bytes,
-            solution_digest: solution::digest(&solution.state),
-            ranks,
-        }
     }
 }
 

@@ -71,7 +71,7 @@ fn valid_samples_are_the_same_over_any_rings() {
                     part = others;
                 }
             }
-            assert!(valid[..] == mesh.valid[..], "{file}, {way:?}");
+            assert!(valid == mesh.valid[..], "{file}, {way:?}");
             let mean = tested as f64 / packets.max(1) as f64;
             println!("{file}, {way:?}: {packets} packets visit {mean:.2} members each");
             let members = way.rings.ranks().div_ceil(way.rings.rings()) as f64;

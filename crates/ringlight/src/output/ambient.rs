@@ -13,20 +13,17 @@ use crate::solution::Solution;
 pub fn ambient(solution: &Solution) -> Rgb {
     let mesh = &solution.mesh;
     let (mut area, mut reflected, mut unshot) = (0.0, [0.0; 3], [0.0; 3]);
-    for (cluster, light) in mesh.clusters.iter().zip(&solution.state.clusters) {
-        for (id, patch_light) in cluster.patches.clone().zip(&light.patches) {
-            let patch = mesh.patch(id);
-            for k in 0..patch.element_count() {
-                let element = patch.first_element + k;
-                let share = patch.element_area(k);
-                let returned = mesh.colour(&patch, element).returned();
-                let held = &light.elements[(element - cluster.elements.start) as usize];
-                let waiting = unshot_radiosity(mesh, &patch, element, held, patch_light.emission_waits);
-                area += share;
-                for c in 0..3 {
-                    reflected[c] += share * f64::from(returned[c]);
-                    unshot[c] += share * waiting[c];
-                }
+    for (id, &emission_waits) in solution.light.emission_waits.iter().enumerate() {
+        let patch = mesh.patch(id as u32);
+        for k in 0..patch.element_count() {
+            let element = patch.first_element + k;
+            let share = patch.element_area(k);
+            let returned = mesh.colour(&patch, element).returned();
+            let waiting = unshot_radiosity(mesh, &patch, element, solution.light(element), emission_waits != 0);
+            area += share;
+            for c in 0..3 {
+                reflected[c] += share * f64::from(returned[c]);
+                unshot[c] += share * waiting[c];
             }
         }
     }

@@ -5,8 +5,8 @@ use crate::mesh::{self, MeshOptions};
 use crate::resources::{Bytes, Resources};
 use crate::scene::{self, ReadOptions, Scene};
 use crate::shooting::Shoot;
-use crate::solution::{Description, Solution};
-use crate::solve::{self, Energy, Ring, SolveSettings, State, StopRule, World};
+use crate::solution::{Description, Solution, SolvedLight};
+use crate::solve::{self, Energy, Ledger, Ring, SolveSettings, State, StopRule, World};
 use crate::transport::Communicator;
 use std::io;
 use std::sync::Arc;
@@ -45,23 +45,22 @@ pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
     solve::plain(&world, &mut ring, &mut state, &stop, ranks, &mut ()).unwrap();
     drop((world, ring));
     let images = scene.images.iter().map(|i| Some(i.bytes.clone())).collect();
+    let ledger = Ledger::of(&state);
+    let light = SolvedLight::of(state.clusters, Store::Heap).unwrap();
     let energy = Energy::default();
-    Solution { description: Description::new(scene), mesh, settings, state, energy, images }
+    Solution { description: Description::new(scene), mesh, settings, ledger, light, energy, images }
 }
 
 /// Sets the irradiance of every element from the position of its middle (world, metres) and its normal.
 pub fn paint(solution: &mut Solution, light: impl Fn(glam::DVec3, glam::DVec3) -> f64) {
-    let Solution { mesh, state, .. } = solution;
-    for (cluster, light_of) in mesh.clusters.iter().zip(&mut state.clusters) {
-        for id in cluster.patches.clone() {
-            let patch = mesh.patch(id);
-            for k in 0..patch.element_count() {
-                let middle = mesh::Frame::middle(patch.frame.layout);
-                let at = mesh.to_world(patch.frame.at(patch.element_tile(k).at(middle)));
-                let element = &mut light_of.elements[(patch.first_element + k - cluster.elements.start) as usize];
-                *element = Default::default();
-                element.shot = [light(at, patch.normal) as f32; 3];
-            }
+    let mesh = &solution.mesh;
+    for patch in (0..mesh.patch_count() as u32).map(|id| mesh.patch(id)) {
+        for k in 0..patch.element_count() {
+            let middle = mesh::Frame::middle(patch.frame.layout);
+            let at = mesh.to_world(patch.frame.at(patch.element_tile(k).at(middle)));
+            let element = &mut solution.light.elements[(patch.first_element + k) as usize];
+            *element = Default::default();
+            element.shot = [light(at, patch.normal) as f32; 3];
         }
     }
 }

@@ -13,6 +13,7 @@ mod tests;
 mod texture;
 
 use super::{Exposure, ambient};
+use crate::mesh::Mesh;
 use crate::smooth::Smooth;
 use crate::solution::{self, Solution};
 use model::{Model, pad};
@@ -45,6 +46,17 @@ pub struct LitReport {
 /// Bytes of the headers of a binary glTF: of the file, and of two chunks.
 const HEADERS: u64 = 12 + 2 * 8;
 
+/// Whether the lit model of a mesh can be a binary glTF, as far as that can be foretold: some need more than this finds.
+pub fn check_glb(mesh: &Mesh) -> io::Result<()> {
+    let least = HEADERS + model::least_length(mesh);
+    if least > u64::from(u32::MAX) { Err(too_large(&format!("at least {least}"))) } else { Ok(()) }
+}
+
+fn too_large(bytes: &str) -> io::Error {
+    let message = format!("the lit model takes {bytes} bytes and a .glb ends at 4 GiB: write a .gltf instead");
+    io::Error::new(io::ErrorKind::FileTooLarge, message)
+}
+
 /// Writes a binary glTF. It ends at 4 GiB; an error says so.
 pub fn write_glb(solution: &Solution, options: &LitOptions, out: &mut dyn Write) -> io::Result<LitReport> {
     let lit = light(solution, options);
@@ -52,10 +64,7 @@ pub fn write_glb(solution: &Solution, options: &LitOptions, out: &mut dyn Write)
     let document = serde_json::to_vec(&model.document(None, extras(solution, options)))?;
     let (text, data) = ((document.len() as u64).next_multiple_of(4), model.length());
     let total = HEADERS + text + data;
-    let Ok(total) = u32::try_from(total) else {
-        let message = format!("the lit model takes {total} bytes and a .glb ends at 4 GiB: write a .gltf instead");
-        return Err(io::Error::new(io::ErrorKind::FileTooLarge, message));
-    };
+    let total = u32::try_from(total).map_err(|_| too_large(&total.to_string()))?;
     out.write_all(b"glTF")?;
     for word in [2, total, text as u32] {
         out.write_all(&word.to_le_bytes())?;
@@ -106,7 +115,7 @@ fn extras(solution: &Solution, options: &LitOptions) -> Value {
         "exposure": f64::from(options.exposure.scale),
         "ambient": options.ambient,
         "units": if radiometric { "W/m²" } else { "lux" },
-        "solutionDigest": solution::digest(&solution.state),
+        "solutionDigest": solution::digest(solution),
         "meaning": "displayed = texture × factor × COLOR_0; where an element reflects, factor × COLOR_0 is \
                     reflectance × irradiance / π × exposure, clipped to 1",
     })

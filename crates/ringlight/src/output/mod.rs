@@ -19,7 +19,7 @@ pub use ambient::ambient;
 pub use camera::{CameraError, Projection, View};
 pub use exposure::Exposure;
 pub use factors::{FactorForm, FactorValue, FactorWriter};
-pub use gltf::{LitOptions, LitReport, write_glb, write_gltf};
+pub use gltf::{LitOptions, LitReport, check_glb, write_glb, write_gltf};
 pub use picture::{
     FalseColour, Picture, PictureOptions, Scale, Tone, Unit, grid_picture, render, write_exr, write_png,
 };

@@ -35,10 +35,10 @@ const PROGRAM: u64 = 8 << 20;
 impl Counts {
     /// Those of a mesh.
     pub fn of(mesh: &Mesh) -> Counts {
-        let painted = size_of_val(mesh.base_uv.as_slice())
-            + size_of_val(mesh.emission_uv.as_slice())
-            + size_of_val(mesh.vertex_colours.as_slice())
-            + size_of_val(mesh.colours.as_slice())
+        let painted = size_of_val(&mesh.base_uv[..])
+            + size_of_val(&mesh.emission_uv[..])
+            + size_of_val(&mesh.vertex_colours[..])
+            + size_of_val(&mesh.colours[..])
             + mesh.surface_colours.len() * size_of::<Colour>();
         Counts {
             triangles: mesh.facets.iter().map(Facet::triangle_count).sum(),

@@ -110,11 +110,9 @@ impl<'a> Gatherer<'a> {
     fn new(solution: &'a Solution, hierarchy: &'a Hierarchy, options: &GatherOptions) -> Gatherer<'a> {
         let mesh = &solution.mesh;
         let of_cluster = |c: usize| {
-            let light = &solution.state.clusters[c].elements;
-            let first = mesh.clusters[c].elements.start;
             mesh.clusters[c].patches.clone().flat_map(move |id| {
                 let patch = mesh.patch(id);
-                patch.elements().map(move |e| radiosity(mesh, &patch, e, &light[(e - first) as usize]))
+                patch.elements().map(move |e| radiosity(mesh, &patch, e, solution.light(e)))
             })
         };
         let radiosity: Vec<[f64; 3]> = (0..mesh.clusters.len()).into_par_iter().flat_map_iter(of_cluster).collect();

@@ -226,8 +226,7 @@ fn sum(rgb: Rgb) -> f64 {
 
 /// Median irradiance of the elements that have any, summed over channels; 0 if none has.
 fn median_irradiance(solution: &Solution) -> f64 {
-    let elements = solution.state.clusters.iter().flat_map(|c| &c.elements);
-    let mut lit: Vec<f64> = elements.map(|e| sum(e.mean())).filter(|&e| e > 0.0).collect();
+    let mut lit: Vec<f64> = solution.light.elements.iter().map(|e| sum(e.mean())).filter(|&e| e > 0.0).collect();
     if lit.is_empty() {
         return 0.0;
     }

@@ -91,6 +91,17 @@ impl ClusterLight {
     pub fn patch_mut(&mut self, mesh: &Mesh, patch: &Patch) -> &mut [ElementLight] {
         &mut self.elements[places(mesh, patch)]
     }
+
+    /// Renews what is derived from the elements' light, after loading.
+    pub fn renew(&mut self, mesh: &Mesh, cluster: usize) {
+        let cluster = &mesh.clusters[cluster];
+        for (light, id) in self.patches.iter_mut().zip(cluster.patches.clone()) {
+            let patch = mesh.patch(id);
+            let first = (patch.first_element - cluster.elements.start) as usize;
+            let elements = &self.elements[first..][..patch.element_count() as usize];
+            light.unshot_power = unshot_power(mesh, &patch, elements, light.emission_waits);
+        }
+    }
 }
 
 /// Where the elements of a patch stand within its cluster's.

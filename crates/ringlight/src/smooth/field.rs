@@ -1,6 +1,7 @@
 //! The elements' light in the order of their lattices, and what it amounts to at a vertex.
 
 use super::lattice::Lattice;
+use super::pieces;
 use super::places::{Places, Touch};
 use crate::mesh::{Frame, Mesh, RELATIVE_TOLERANCE, Tile};
 use crate::quantity::Rgb;
@@ -119,13 +120,14 @@ impl<'a> Field<'a> {
             next += facet.element_count() * if facet.double_sided() { 2 } else { 1 };
         }
         let light = |side: Side, cell: u32| known(solution, element_of(mesh, side, cell)).unwrap_or(UNKNOWN);
-        let cells = (0..mesh.facets.len() as u32)
-            .into_par_iter()
-            .flat_map_iter(|f| {
+        let mut cells = vec![UNKNOWN; next as usize];
+        pieces(mesh.facets.len(), |f| first_cell[f] as usize, &mut cells).into_par_iter().for_each(|(facets, held)| {
+            let all = facets.flat_map(|f| {
                 let count = mesh.facets[f as usize].element_count();
-                sides(mesh, f).flat_map(move |side| (0..count).map(move |cell| light(side, cell)))
-            })
-            .collect();
+                sides(mesh, f).flat_map(move |side| (0..count).map(move |cell| (side, cell)))
+            });
+            held.iter_mut().zip(all).for_each(|(held, (side, cell))| *held = light(side, cell));
+        });
         let tolerance = RELATIVE_TOLERANCE * mesh.diagonal;
         Field { mesh, places: Places::new(mesh), first_cell, cells, tolerance }
     }

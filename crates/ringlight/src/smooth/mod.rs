@@ -25,7 +25,7 @@ mod standing;
 mod tests;
 mod walls;
 
-use crate::mesh::{self, Frame};
+use crate::mesh::{self, Facet, Frame};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
 use field::{Field, Side, Work, element_of, sides};
@@ -34,6 +34,7 @@ use lattice::Lattice;
 use rayon::prelude::*;
 use ringlight_visibility::Layout;
 pub use standing::SurfaceLight;
+use std::ops::Range;
 use walls::{Split, Walls};
 
 /// Irradiance at the corners of elements, interpolated over smooth surfaces but not across edges, creases or walls.
@@ -56,26 +57,25 @@ impl<'a> Smooth<'a> {
         let mesh = &solution.mesh;
         let mut field = Field::new(solution);
         fill::fill(&mut field);
-        let numbers: Vec<u32> = (0..mesh.facets.len() as u32).collect();
-        let parts: Vec<(Vec<Rgb>, Vec<Suspect>)> = numbers
-            .par_chunks(CHUNK)
-            .map_init(Work::default, |work, chunk| {
-                let mut made = (Vec::new(), Vec::new());
-                chunk.iter().for_each(|&f| smooth_facet(&field, f, work, &mut made));
-                made
-            })
-            .collect();
         let mut first_vertex = Vec::with_capacity(mesh.facets.len());
         let mut next = 0;
         for facet in &mesh.facets {
             first_vertex.push(next);
-            next += Lattice::of(facet).vertex_count() as u64 * if facet.double_sided() { 2 } else { 1 };
+            next += vertex_count(facet) as u64;
         }
-        let (mut vertices, mut suspects) = (Vec::with_capacity(next as usize), Vec::new());
-        for (v, s) in parts {
-            vertices.extend(v);
-            suspects.extend(s);
-        }
+        let mut vertices = vec![[0.0; 3]; next as usize];
+        let suspects: Vec<Suspect> = pieces(mesh.facets.len(), |f| first_vertex[f] as usize, &mut vertices)
+            .into_par_iter()
+            .map_init(Work::default, |work, (facets, mut vertices)| {
+                let mut suspects = Vec::new();
+                for f in facets {
+                    let own = vertex_count(&mesh.facets[f as usize]);
+                    smooth_facet(&field, f, work, vertices.split_off_mut(..own).unwrap_or_default(), &mut suspects);
+                }
+                suspects
+            })
+            .flatten_iter()
+            .collect();
         let mut splits = find_splits(&field, &suspects);
         splits.sort_unstable_by_key(|s| (s.element, s.corner));
         Smooth { solution, first_vertex, vertices, splits }
@@ -126,27 +126,42 @@ impl<'a> Smooth<'a> {
 /// A vertex at which a wall may stand.
 type Suspect = (Side, [u32; 2]);
 
-/// Appends the vertices of one facet, front then back, and those at which a wall may stand.
-fn smooth_facet(field: &Field<'_>, number: u32, work: &mut Work, (vertices, suspects): &mut (Vec<Rgb>, Vec<Suspect>)) {
+/// Vertices of both lit sides of a facet.
+fn vertex_count(facet: &Facet) -> usize {
+    Lattice::of(facet).vertex_count() * if facet.double_sided() { 2 } else { 1 }
+}
+
+/// Cuts what is held of the facets, in order, into pieces of a few facets each; what is held of facet `f` begins at
+/// `first(f)`.
+fn pieces<T>(facets: usize, first: impl Fn(usize) -> usize, mut all: &mut [T]) -> Vec<(Range<u32>, &mut [T])> {
+    let mut pieces = Vec::with_capacity(facets.div_ceil(CHUNK));
+    for start in (0..facets).step_by(CHUNK) {
+        let end = facets.min(start + CHUNK);
+        let length = if end < facets { first(end) - first(start) } else { all.len() };
+        let (piece, rest) = all.split_at_mut(length);
+        pieces.push((start as u32..end as u32, piece));
+        all = rest;
+    }
+    pieces
+}
+
+/// Finds the light at the vertices of one facet, front then back, and appends those at which a wall may stand.
+fn smooth_facet(field: &Field<'_>, number: u32, work: &mut Work, vertices: &mut [Rgb], suspects: &mut Vec<Suspect>) {
     let facet = &field.mesh().facets[number as usize];
     let (frame, lattice) = (facet.frame(), Lattice::of(facet));
-    let mut of_back = Vec::new();
-    for vertex in lattice.vertices() {
+    let (front, back) = vertices.split_at_mut(lattice.vertex_count());
+    for (index, vertex) in lattice.vertices().enumerate() {
         let point = frame.at(lattice.parameters(vertex));
         for side in sides(field.mesh(), number) {
             field.collect(side, vertex, false, work);
             let light = if work.parts.is_empty() { [0.0; 3] } else { field.blend(point, &work.parts) };
-            if side.back {
-                of_back.push(light)
-            } else {
-                vertices.push(light)
-            }
+            let of_side = if side.back { &mut *back } else { &mut *front };
+            of_side[index] = light;
             if Walls::suspects(field.mesh(), number, &work.parts) {
                 suspects.push((side, vertex));
             }
         }
     }
-    vertices.extend(of_back);
 }
 
 /// Finds the corners that see only some of the parts around their vertex.

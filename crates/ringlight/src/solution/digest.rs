@@ -1,25 +1,20 @@
 //! The digest: one line that says whether two solutions hold the same bits.
 
-use crate::shooting::ClusterLight;
-use crate::solve::State;
+use super::Solution;
 use rayon::prelude::*;
 
 /// A hash of per-cluster hashes of the light, hexadecimal.
-pub fn digest(state: &State) -> String {
-    let hashes: Vec<blake3::Hash> = state.clusters.par_iter().map(cluster_hash).collect();
+pub fn digest(solution: &Solution) -> String {
+    let clusters = &solution.mesh.clusters;
+    let hash = |c: usize| blake3::hash(&solution.light.bytes(&clusters[c..=c]));
+    let hashes: Vec<blake3::Hash> = (0..clusters.len()).into_par_iter().map(hash).collect();
     let mut all = blake3::Hasher::new();
-    for hash in &hashes {
-        all.update(hash.as_bytes());
-    }
-    all.update(&state.shots.to_le_bytes());
-    all.finalize().to_hex().to_string()
+    hashes.iter().for_each(|hash| _ = all.update(hash.as_bytes()));
+    finish(all, solution.ledger.shots)
 }
 
-fn cluster_hash(light: &ClusterLight) -> blake3::Hash {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(bytemuck::cast_slice(&light.elements));
-    for patch in &light.patches {
-        hasher.update(&[u8::from(patch.emission_waits)]);
-    }
-    hasher.finalize()
+/// The digest, once all hashes of clusters have been fed.
+pub(super) fn finish(mut all: blake3::Hasher, shots: u64) -> String {
+    all.update(&shots.to_le_bytes());
+    all.finalize().to_hex().to_string()
 }

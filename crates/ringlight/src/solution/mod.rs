@@ -2,20 +2,26 @@
 
 mod digest;
 mod file;
+mod light;
+mod over_ranks;
+#[cfg(test)]
+mod tests;
 
 pub use digest::digest;
-pub use file::{FileError, read, write, write_snapshot};
+pub use file::{FileError, SolutionFile, read, write};
+pub use light::{OwnLight, SolvedLight};
+pub use over_ranks::write_over_ranks;
 
 use crate::mesh::{Mesh, Patch};
 use crate::quantity::Rgb;
 use crate::resources::Bytes;
 use crate::scene::{Camera, Image, Light, Material, Node, Scene, Surface, Warnings};
 use crate::shooting::ElementLight;
-use crate::solve::{Energy, SolveSettings, State};
+use crate::solve::{Energy, Ledger, SolveSettings};
 use serde::{Deserialize, Serialize};
 
 /// What a solution keeps of the scene besides its surfaces' geometry.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Name of the scene.
     pub name: String,
@@ -55,15 +61,17 @@ pub struct Solution {
     pub mesh: Mesh,
     /// Settings that decide the result.
     pub settings: SolveSettings,
+    /// How far the solver has come.
+    pub ledger: Ledger,
     /// The light.
-    pub state: State,
+    pub light: SolvedLight,
     /// The audit at the time of writing.
     pub energy: Energy,
     /// Encoded images where they are at hand, in the order of `description.images`.
     pub images: Vec<Option<Bytes>>,
 }
 
-/// What a solution file holds, borrowed: a running solver saves its light without copying it.
+/// What a solution file holds besides the light.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot<'a> {
     /// The scene without geometry.
@@ -72,9 +80,9 @@ pub struct Snapshot<'a> {
     pub mesh: &'a Mesh,
     /// Settings that decide the result.
     pub settings: &'a SolveSettings,
-    /// The light.
-    pub state: &'a State,
-    /// The audit of `state`.
+    /// How far the solver has come.
+    pub ledger: &'a Ledger,
+    /// The audit at that time.
     pub energy: &'a Energy,
 }
 
@@ -92,6 +100,14 @@ impl Description {
             warnings: scene.warnings.clone(),
         }
     }
+
+    /// The bytes of its images, from those of a scene with the same hashes.
+    pub fn find_images(&self, images: &[Image]) -> Vec<Option<Bytes>> {
+        let found: Vec<(String, &Bytes)> =
+            images.iter().map(|i| (blake3::hash(&i.bytes).to_hex().to_string(), &i.bytes)).collect();
+        let find = |wanted: &ImageReference| found.iter().find(|(hash, _)| *hash == wanted.hash);
+        self.images.iter().map(|wanted| find(wanted).map(|&(_, bytes)| bytes.clone())).collect()
+    }
 }
 
 impl ImageReference {
@@ -107,8 +123,7 @@ impl ImageReference {
 impl Solution {
     /// Light of element `element`.
     pub fn light(&self, element: u32) -> &ElementLight {
-        let cluster = self.mesh.clusters.partition_point(|c| c.elements.end <= element);
-        &self.state.clusters[cluster].elements[(element - self.mesh.clusters[cluster].elements.start) as usize]
+        &self.light.elements[element as usize]
     }
 
     /// Irradiance at the sample point of an element, W/m² or lux.
@@ -120,17 +135,5 @@ impl Solution {
     pub fn radiosity(&self, patch: &Patch, element: u32) -> Rgb {
         let (colour, e) = (self.mesh.colour(patch, element), self.irradiance(element));
         std::array::from_fn(|c| colour.exitance[c] + colour.reflectance[c] * e[c])
-    }
-
-    /// Takes the bytes of images from a scene, where the hashes agree; gives the number still missing.
-    pub fn attach_images(&mut self, images: &[Image]) -> usize {
-        let found: Vec<(String, Bytes)> =
-            images.iter().map(|i| (blake3::hash(&i.bytes).to_hex().to_string(), i.bytes.clone())).collect();
-        for (slot, wanted) in self.images.iter_mut().zip(&self.description.images) {
-            if slot.is_none() {
-                *slot = found.iter().find(|(hash, _)| *hash == wanted.hash).map(|(_, bytes)| bytes.clone());
-            }
-        }
-        self.images.iter().filter(|i| i.is_none()).count()
     }
 }

@@ -3,6 +3,7 @@
 mod choice;
 mod energy;
 mod exchange;
+mod ledger;
 mod plain;
 mod receiving;
 mod ring;
@@ -11,6 +12,7 @@ mod state;
 mod walking;
 
 pub use energy::Energy;
+pub use ledger::Ledger;
 pub use plain::plain;
 pub use ring::{Job, OUTLINE, Ring};
 pub use share::{Share, Spread};

@@ -4,7 +4,7 @@ use super::{Energy, Ring, Share, SolveSettings};
 use crate::mesh::Mesh;
 use crate::quantity::ExactSum;
 use crate::scene::Light;
-use crate::shooting::{self, Audit, ClusterLight, Emitter, unshot_power};
+use crate::shooting::{self, Audit, ClusterLight, Emitter};
 use crate::transport::{Communicator, Failure};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -90,20 +90,6 @@ impl State {
         let mut state = State { clusters, ..State::default() };
         state.emitted = state.unshot(world, ranks)?;
         Ok(state)
-    }
-
-    /// Renews what is derived from the elements' light, after loading.
-    pub fn renew(&mut self, mesh: &Mesh) {
-        self.clusters.par_iter_mut().enumerate().for_each(|(c, light)| {
-            let cluster = &mesh.clusters[c];
-            for (index, id) in cluster.patches.clone().enumerate() {
-                let patch = mesh.patch(id);
-                let start = (patch.first_element - cluster.elements.start) as usize;
-                let elements = &light.elements[start..start + patch.element_count() as usize];
-                let waits = light.patches[index].emission_waits;
-                light.patches[index].unshot_power = unshot_power(mesh, &patch, elements, waits);
-            }
-        });
     }
 
     /// Unshot power, W or lm: an order-free sum. Every rank calls it.

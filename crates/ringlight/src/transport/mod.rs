@@ -5,6 +5,7 @@
 //! operations, and an end that all ranks share. [`conformance`] holds what every transport must pass.
 
 mod alone;
+mod batches;
 mod collective;
 mod communicator;
 pub mod conformance;

@@ -93,7 +93,7 @@ impl<'a> Judge<'a> {
         let mesh = &solution.mesh;
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
         let high = mesh.clusters.iter().fold(DVec3::NEG_INFINITY, |a, c| a.max(c.high.as_dvec3()));
-        let elements = solution.state.clusters.iter().flat_map(|c| &c.elements);
+        let elements = solution.light.elements.iter();
         let mut light: Vec<f32> = elements.map(|e| photometric(e.at_point())).filter(|&e| e > 0.0).collect();
         let rank = (light.len() as f64 * DIM) as usize;
         let dim = if light.is_empty() { 0.0 } else { *light.select_nth_unstable_by(rank, f32::total_cmp).1 };

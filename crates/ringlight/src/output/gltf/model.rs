@@ -5,14 +5,17 @@ use super::look::{Kind, Look};
 use super::nodes;
 use super::piece::{Lit, Piece};
 use super::texture::Textures;
+use crate::mesh::{Mesh, NONE};
 use crate::quantity::Rgb;
+use crate::smooth::lattice::Lattice;
 use glam::{DMat4, DVec3};
 use rayon::prelude::*;
+use ringlight_visibility::Layout;
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
 /// Elements of pieces held at a time.
-const BATCH: u32 = 1 << 16;
+const BATCH: u32 = 1 << 14;
 
 /// One primitive: the elements of one kind of one surface.
 pub struct Primitive {
@@ -38,6 +41,31 @@ pub struct Model<'a> {
     textures: Textures<'a>,
     primitives: Vec<Primitive>,
     materials: Vec<Value>,
+}
+
+/// Bytes of a vertex without texture coordinates: position 3 × f32, colour 4 × u16.
+const PLAIN_VERTEX: u64 = 20;
+
+/// Vertices of which there may be, so that an index takes 2 bytes. The largest value of its type is kept free, as glTF asks.
+const SHORT_INDICES: u64 = 65_535;
+
+/// Least length of the binary data of a mesh's model: without texture coordinates, and with no vertex more than the corners of
+/// its facets' grids.
+pub fn least_length(mesh: &Mesh) -> u64 {
+    // Vertices, triangles, and whether all elements have the surface's colour: then they are one primitive.
+    let mut surfaces = vec![(0u64, 0u64, true); mesh.surface_colours.len()];
+    for facet in &mesh.facets {
+        let (lattice, sides) = (Lattice::of(facet), if facet.double_sided() { 2 } else { 1 });
+        let halves = if lattice.layout == Layout::Quad { 2 } else { 1 };
+        let (vertices, triangles, plain) = &mut surfaces[facet.surface as usize];
+        *vertices += sides * lattice.vertex_count() as u64;
+        *triangles += sides * halves * u64::from(lattice.cell_count());
+        *plain &= facet.colour == NONE;
+    }
+    let bytes = |&(vertices, triangles, plain): &(u64, u64, bool)| {
+        vertices * PLAIN_VERTEX + triangles * 3 * if plain && vertices > SHORT_INDICES { 4 } else { 2 }
+    };
+    surfaces.iter().map(bytes).sum()
 }
 
 /// Areas found while writing, m².
@@ -276,18 +304,18 @@ impl Primitive {
         Ok(())
     }
 
-    /// Bytes of a vertex: position 3 × f32, colour 4 × u16, texture coordinates 2 × f32 if there is a texture.
+    /// Bytes of a vertex: texture coordinates, 2 × f32, only if there is a texture.
     fn stride(&self) -> u64 {
-        if self.look.texture.is_some() { 28 } else { 20 }
+        if self.look.texture.is_some() { PLAIN_VERTEX + 8 } else { PLAIN_VERTEX }
     }
 
     fn vertex_bytes(&self) -> u64 {
         self.vertices * self.stride()
     }
 
-    /// Bytes of an index. The largest value of its type is kept free, as glTF asks.
+    /// Bytes of an index.
     fn index_size(&self) -> u64 {
-        if self.vertices <= 65_535 { 2 } else { 4 }
+        if self.vertices <= SHORT_INDICES { 2 } else { 4 }
     }
 
     fn index_bytes(&self) -> u64 {

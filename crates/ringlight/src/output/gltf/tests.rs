@@ -1,4 +1,5 @@
-use super::{LitOptions, LitReport, write_glb, write_gltf};
+use super::model::least_length;
+use super::{LitOptions, LitReport, check_glb, write_glb, write_gltf};
 use crate::output::Exposure;
 use crate::output::fixture::{closed_box, elements, paint, read, solve};
 use crate::resources::Bytes;
@@ -31,6 +32,7 @@ fn write(solution: &Solution, options: &LitOptions) -> File {
     let data = bytes[20 + text + 8..].to_vec();
     assert_eq!((text % 4, word(20 + text), &bytes[24 + text..28 + text]), (0, data.len(), b"BIN\0".as_slice()));
     let document = serde_json::from_slice(&bytes[20..20 + text]).unwrap();
+    assert!(least_length(&solution.mesh) <= data.len() as u64);
     File { bytes, document, data, report }
 }
 
@@ -364,4 +366,24 @@ fn equal_solutions_make_equal_files_for_any_number_of_threads() {
         pool.install(|| write(&solution, &ambient).bytes)
     };
     assert!(bytes(1) == bytes(3));
+}
+
+#[test]
+fn a_model_beyond_4_gib_is_refused_before_there_is_light() {
+    let mut solution = solve(&read(&closed_box("grey")), 0.25, 1.0);
+    // Fronts and backs of six faces of 4 × 4 elements, nothing left out.
+    let length = 12 * (25 * 20 + 16 * 2 * 3 * 2);
+    assert_eq!((write(&solution, &options(1.0)).data.len() as u64, least_length(&solution.mesh)), (length, length));
+    assert!(check_glb(&solution.mesh).is_ok());
+    let first = solution.mesh.facets[0];
+    solution.mesh.facets.resize(1, first).unwrap();
+    let facet = &mut solution.mesh.facets[0];
+    facet.elements = [1, 1];
+    facet.first_back_patch = crate::mesh::NONE;
+    // 20 bytes a vertex, 24 an element: 4 GiB are 97.6 million.
+    facet.patches = [9_850, 9_850];
+    assert!(check_glb(&solution.mesh).is_ok());
+    solution.mesh.facets[0].patches = [9_890, 9_890];
+    let error = check_glb(&solution.mesh).unwrap_err().to_string();
+    assert!(error.contains("takes at least 4304") && error.ends_with("write a .gltf instead"), "{error}");
 }
