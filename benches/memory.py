@@ -83,6 +83,6 @@ with tempfile.TemporaryDirectory() as temporary:
         if arguments.results:
             new = not os.path.exists(arguments.results)
             with open(arguments.results, "a", newline="") as file:
-                writer = csv.DictWriter(file, COLUMNS)
+                writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
                 writer.writerows(([dict(zip(COLUMNS, COLUMNS))] if new else []) + [line])
 sys.exit(0 if fine else 1)
