@@ -1,6 +1,10 @@
 //! Help for the tests of the scene readers: files in memory or in a folder, and scenes written in code.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+mod pavilion;
+
+pub use pavilion::pavilion;
+
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene, SceneError, SourceTriangle};
 use serde_json::{Value, json};
