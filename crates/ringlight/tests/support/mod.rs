@@ -1,9 +1,7 @@
 //! Help for the tests of the scene readers: files in memory or in a folder, and scenes written in code.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
-mod pavilion;
-
-pub use pavilion::pavilion;
+pub mod pavilion;
 
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene, SceneError, SourceTriangle};
