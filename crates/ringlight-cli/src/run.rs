@@ -13,7 +13,7 @@ use crate::spread;
 use crate::watch::{Checkpoint, Watch};
 use anyhow::Context;
 use ringlight::mesh::Mesh;
-use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units};
+use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units, WindowReport};
 use ringlight::plan::Counts;
 use ringlight::resources::Bytes;
 use ringlight::ring::Rings;
@@ -40,6 +40,8 @@ pub struct Run<'a, 'b> {
     rings: Rings,
     /// What this rank has to report, as far as it is known.
     own: RankReport,
+    /// How the load of this rank's ring was balanced.
+    balance: Vec<WindowReport>,
     start: Instant,
     signals: Signals,
     reporter: Reporter,
@@ -95,7 +97,8 @@ impl<'a, 'b> Run<'a, 'b> {
         let reporter = Reporter::new(progress, arguments.quiet, arguments.verbose, start);
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
         let (rings, own) = (Rings::one(ranks.size()), RankReport::default());
-        Ok(Run { arguments, spread, ranks, rings, own, start, signals, reporter, seconds, warnings })
+        let balance = Vec::new();
+        Ok(Run { arguments, spread, ranks, rings, own, balance, start, signals, reporter, seconds, warnings })
     }
 
     fn is_first(&self) -> bool {
@@ -250,6 +253,7 @@ impl<'a, 'b> Run<'a, 'b> {
 
     /// Notes this rank's share of the work, for the report.
     fn note_share(&mut self, ring: &Ring<'_>) {
+        self.balance = ring.windows().iter().map(WindowReport::new).collect();
         let (rank, clusters) = (self.ranks.rank(), &ring.mesh().clusters);
         let own = ring.share().own.iter().map(|&cluster| &clusters[cluster as usize]);
         self.own = RankReport {
@@ -316,6 +320,7 @@ impl<'a, 'b> Run<'a, 'b> {
         self.seconds.total = self.start.elapsed().as_secs_f64();
         let Outcome { mut errors, clipped } = outcome;
         let ranks = self.rank_reports()?;
+        let balance = std::mem::take(&mut self.balance);
         settings.extend(spread::settings(self.spread, self.rings));
         if let (Some(path), Some(ranks)) = (&self.arguments.report, ranks) {
             let report = Report {
@@ -333,6 +338,7 @@ impl<'a, 'b> Run<'a, 'b> {
                 peak_memory_bytes: ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0),
                 solution_digest: digest.unwrap_or_default(),
                 ranks,
+                balance,
             };
             let written = files::write(path, |out| {
                 serde_json::to_writer_pretty(&mut *out, &report)?;
