@@ -119,8 +119,9 @@ impl<'a, 'b> Run<'a, 'b> {
     }
 
     /// Chooses the rings, before memory is taken for what they divide.
-    pub fn choose_rings(&mut self, mesh: &Mesh) -> Result<(), Failure> {
-        let (rings, needed) = spread::choose(self.spread, Counts::of(mesh).demand(), self.ranks)?;
+    pub fn choose_rings(&mut self, host: &Host, mesh: &Mesh, settings: &SolveSettings) -> Result<(), Failure> {
+        let demand = Counts::of(mesh).demand(host.mesh_place(), settings.shooters_in_flight);
+        let (rings, needed) = spread::choose(self.spread, demand, self.ranks)?;
         self.rings = rings;
         if rings.ranks() > 1 {
             let (ranks, count, needed) = (rings.ranks(), rings.rings(), spread::in_words(needed));

@@ -73,7 +73,7 @@ impl Units {
 
     /// Those of the file that the scene came from.
     pub fn of(description: &Description) -> Units {
-        let file = description.surfaces.first().map_or("", |s| s.place.file.as_str());
+        let file = description.surfaces.first().map_or("", |s| &s.place.file);
         if file.to_ascii_lowercase().ends_with(".obj") { Units::RADIOMETRIC } else { Units::PHOTOMETRIC }
     }
 }

@@ -20,7 +20,7 @@ pub const ROOM: &str = "\
 
 /// Reads, cuts into elements of `element_size` metres, and solves.
 pub fn solved(obj: &str, element_size: f64) -> (Solution, Hierarchy) {
-    let solution = fixture::solve(&fixture::read(obj), element_size, 0.01);
+    let solution = fixture::solve(fixture::read(obj), element_size, 0.01);
     let hierarchy = mesh::hierarchy(&solution.mesh);
     (solution, hierarchy)
 }
