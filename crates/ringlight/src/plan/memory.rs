@@ -42,7 +42,7 @@ const OWNERSHIP: u64 = 28;
 const PIECES: (u64, u64) = (1 << 16, 128);
 
 /// Bytes of a surface besides its colour: itself, its node and their names where outputs are made, what it covers on all ranks.
-const SURFACE: u64 = (size_of::<Surface>() + size_of::<Node>() + 96) as u64;
+const SURFACE: u64 = (size_of::<Surface>() + size_of::<Node>() + 64) as u64;
 
 /// Most bytes of light on their way to a file: from all ranks, put in order, compressed, and what comes next.
 const WRITING: u64 = 20 << 20;
