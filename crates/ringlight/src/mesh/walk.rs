@@ -34,6 +34,16 @@ pub trait Walk {
     fn answer(&mut self, hit: Option<Hit>);
 }
 
+impl<W: Walk> Walk for &mut W {
+    fn query(&self) -> Option<Query> {
+        W::query(self)
+    }
+
+    fn answer(&mut self, hit: Option<Hit>) {
+        W::answer(self, hit);
+    }
+}
+
 /// The nearest hit among the triangles held here. Whoever knows the mesh can tell what a rule admits.
 pub fn nearest_hit(mesh: &Mesh, hierarchy: &Hierarchy, Query { ray, rule }: &Query) -> Option<Hit> {
     let in_plane_of = |patch: u32, admits: fn(&Mesh, u32, u32) -> bool| {

@@ -1,6 +1,6 @@
 //! Which members a packet visits.
 
-use super::{Bounds, Content, Packet, Rays, ShardBox};
+use super::{Aimed, Bounds, Content, Packet, Rays, ShardBox};
 use ringlight_visibility::{NO_PLANE, PreparedShooter, Region};
 use std::sync::Arc;
 
@@ -46,7 +46,7 @@ impl Routing {
     pub fn next(self, packet: &Packet, sight: &Sight, from: usize) -> Option<usize> {
         let members = sight.members();
         let done = match &packet.content {
-            Content::Samples(samples) => samples.is_dark(),
+            Content::Samples(samples) | Content::Aimed(Aimed { samples, .. }) => samples.is_dark(),
             Content::Rays(rays) => rays.rays.is_empty(),
         };
         if from >= members || done {
@@ -56,21 +56,21 @@ impl Routing {
             return Some(from);
         }
         let outline = |place: usize| &sight.outlines[(packet.home as usize + place) % members];
-        match &packet.content {
-            Content::Samples(samples) => {
-                let Bounds { low, high } = sight.bounds;
-                let region = Region::new(&sight.shooter, samples.points(), samples.masks(), [low, high]);
-                let own = [samples.plane().unwrap_or(NO_PLANE), sight.shooter.plane()];
-                let may_hide = |part: &ShardBox| {
-                    let beside = part.plane == NO_PLANE || !own.contains(&part.plane);
-                    beside && region.meets(part.bounds.low, part.bounds.high)
-                };
-                (from..members).find(|&place| outline(place).iter().any(may_hide))
-            }
+        let (samples, shooter) = match &packet.content {
+            Content::Samples(samples) => (samples, &*sight.shooter),
+            Content::Aimed(aimed) => (&aimed.samples, aimed.shooter()),
             Content::Rays(rays) => {
-                (from..members).find(|&place| outline(place).iter().any(|part| may_hit(rays, &part.bounds)))
+                return (from..members).find(|&place| outline(place).iter().any(|part| may_hit(rays, &part.bounds)));
             }
-        }
+        };
+        let Bounds { low, high } = sight.bounds;
+        let region = Region::new(shooter, samples.points(), samples.masks(), [low, high]);
+        let own = [samples.plane().unwrap_or(NO_PLANE), shooter.plane()];
+        let may_hide = |part: &ShardBox| {
+            let beside = part.plane == NO_PLANE || !own.contains(&part.plane);
+            beside && region.meets(part.bounds.low, part.bounds.high)
+        };
+        (from..members).find(|&place| outline(place).iter().any(may_hide))
     }
 }
 
