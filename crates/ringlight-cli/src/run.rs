@@ -102,15 +102,6 @@ impl<'a, 'b> Run<'a, 'b> {
         self.ranks.rank() == 0
     }
 
-    /// Work for the first rank alone, such as looks at files that it will write; the others wait until it is done.
-    pub fn on_first_rank(&mut self, work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
-        if self.is_first() {
-            work()?;
-        }
-        self.ranks.broadcast(0, COMMAND, Vec::new())?;
-        Ok(())
-    }
-
     /// Chooses the rings, before memory is taken for what they divide.
     pub fn choose_rings(&mut self, mesh: &Mesh) -> Result<(), Failure> {
         let (rings, needed) = spread::choose(self.spread, Counts::of(mesh).demand(), self.ranks)?;
@@ -176,7 +167,8 @@ impl<'a, 'b> Run<'a, 'b> {
 
     /// This rank's place in its ring, with the hierarchy of its shard if it has been built before.
     pub fn ring<'m>(&self, mesh: &'m Mesh, hierarchy: Option<Arc<Hierarchy>>) -> Ring<'m> {
-        Ring::with(mesh, &spread::spread(self.spread, self.rings), self.ranks.rank(), hierarchy)
+        let spread = spread::spread(self.spread, self.rings);
+        Ring::with(mesh, &spread, self.ranks.rank(), hierarchy, Box::new(machine::thread_seconds))
     }
 
     /// Gives all ranks of a machine what its first has made.

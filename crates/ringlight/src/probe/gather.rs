@@ -79,9 +79,8 @@ pub fn gather<'a, 'p>(
 
 /// The solution as a set of shooters.
 struct Gatherer<'a> {
+    solution: &'a Solution,
     mesh: &'a Mesh,
-    /// Of the free part of each element.
-    radiosity: Vec<[f64; 3]>,
     /// Patches that are not dark.
     shining: Vec<Shining>,
     emitters: Vec<Emitter>,
@@ -93,7 +92,8 @@ struct Gatherer<'a> {
 /// A patch that is not dark.
 struct Shining {
     patch: u32,
-    extent: Extent,
+    /// The brightest radiosity on it, summed over channels.
+    brightest: f64,
 }
 
 /// What bounds the light that a shooter can give.
@@ -123,21 +123,14 @@ struct Chunk<'a> {
 impl<'a> Gatherer<'a> {
     fn new(solution: &'a Solution, options: &GatherOptions) -> Gatherer<'a> {
         let mesh = &solution.mesh;
-        let of_cluster = |c: usize| {
-            mesh.clusters[c].patches.clone().flat_map(move |id| {
-                let patch = mesh.patch(id);
-                patch.elements().map(move |e| radiosity(mesh, &patch, e, solution.light(e)))
-            })
-        };
-        let radiosity: Vec<[f64; 3]> = (0..mesh.clusters.len()).into_par_iter().flat_map_iter(of_cluster).collect();
         let shining = (0..mesh.patch_count() as u32)
             .into_par_iter()
             .filter_map(|id| {
                 let patch = mesh.patch(id);
-                let bright = |e: u32| if mesh.valid[e as usize] == 0 { 0.0 } else { total(radiosity[e as usize]) };
-                let brightest = patch.elements().map(bright).fold(0.0, f64::max);
-                let extent = Extent::new(patch.frame.corners(), patch.normal, patch.area, brightest);
-                (brightest > 0.0).then_some(Shining { patch: id, extent })
+                let lit = patch.elements().filter(|&e| mesh.valid[e as usize] != 0);
+                let bright = |e: u32| total(radiosity(mesh, &patch, e, solution.light(e)));
+                let brightest = lit.map(bright).fold(0.0, f64::max);
+                (brightest > 0.0).then_some(Shining { patch: id, brightest })
             })
             .collect();
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
@@ -148,7 +141,7 @@ impl<'a> Gatherer<'a> {
         if let Some(radiance) = solution.settings.sky {
             emitters.extend(shooting::skies(radiance, side, radius));
         }
-        Gatherer { mesh, radiosity, shining, emitters, side, tolerance: options.tolerance }
+        Gatherer { solution, mesh, shining, emitters, side, tolerance: options.tolerance }
     }
 
     async fn irradiances(&self, places: &[Place], inquiry: Inquiry<'_>) -> Vec<[f64; 3]> {
@@ -171,32 +164,35 @@ impl<'a> Gatherer<'a> {
         chunk.rough = chunk.sum.iter().map(|&e| total(e)).collect();
         for shining in &self.shining {
             let patch = self.mesh.patch(shining.patch);
-            let shot = self.field(&patch).shot(1, Shoot::Average, 0.0);
+            let radiosity = self.radiosity(&patch);
+            let shot = Field::new(self.mesh, &patch, &radiosity).shot(1, Shoot::Average, 0.0);
             for (place, i) in chunk.receive(&shot, all).await.into_iter().zip(0..) {
                 chunk.rough[place as usize] += total(chunk.packet.received()[i].point);
             }
         }
     }
 
-    fn field<'p>(&'p self, patch: &'p Patch) -> Field<'p> {
-        let elements = patch.elements();
-        Field::new(self.mesh, patch, &self.radiosity[elements.start as usize..elements.end as usize])
+    /// Of the free part of each element of a patch.
+    fn radiosity(&self, patch: &Patch) -> Vec<[f64; 3]> {
+        patch.elements().map(|e| radiosity(self.mesh, patch, e, self.solution.light(e))).collect()
     }
 
     /// Adds what a patch gives to the points, each with the cells that its share of their light deserves.
     async fn add_patch(&self, chunk: &mut Chunk<'_>, shining: &Shining) {
+        let patch = self.mesh.patch(shining.patch);
+        let extent = Extent::new(patch.frame.corners(), patch.normal, patch.area, shining.brightest);
         let mut by_side: [Vec<u32>; 4] = Default::default();
         for (i, place) in chunk.places.iter().enumerate() {
-            let share = chunk.share(i, shining.extent.most(place));
+            let share = chunk.share(i, extent.most(place));
             if share > 0.0 {
-                by_side[self.side_for(share, shining.extent.straddles(place)).ilog2() as usize].push(i as u32);
+                by_side[self.side_for(share, extent.straddles(place)).ilog2() as usize].push(i as u32);
             }
         }
         if by_side.iter().all(|points| points.is_empty()) {
             return;
         }
-        let patch = self.mesh.patch(shining.patch);
-        let field = self.field(&patch);
+        let radiosity = self.radiosity(&patch);
+        let field = Field::new(self.mesh, &patch, &radiosity);
         for (k, points) in by_side.iter().enumerate().filter(|(_, points)| !points.is_empty()) {
             let side = 1 << k;
             if side == self.side {

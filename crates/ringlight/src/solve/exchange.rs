@@ -22,6 +22,9 @@ const ALL_HOME: u32 = 4;
 /// microseconds, is that of a few kilobytes.
 const MESSAGE: usize = 16 << 10;
 
+/// Packets that are tested together, for each thread: looking at the clock costs as much as some rays.
+const TOGETHER: usize = 8;
+
 /// This rank's place among those that hold the geometry with it.
 pub struct RingExchange {
     pipeline: Pipeline,
@@ -33,7 +36,18 @@ pub struct RingExchange {
     early: BTreeMap<u64, usize>,
     /// Parcels that wait for company, by member.
     outbox: Vec<Vec<u8>>,
-    tally: Tally,
+    effort: Effort,
+}
+
+/// What has been done here, for whomever.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Effort {
+    /// Counts of visibility tests.
+    pub tally: Tally,
+    /// CPU time that tests took, seconds.
+    pub testing: f64,
+    /// Sample points of own clusters that were asked for.
+    pub points: u64,
 }
 
 /// A job: what all members of the ring ask about one shooter.
@@ -73,7 +87,7 @@ impl RingExchange {
             jobs: BTreeMap::new(),
             early: BTreeMap::new(),
             outbox: vec![Vec::new(); members.len()],
-            tally: Tally::default(),
+            effort: Effort::default(),
         }
     }
 
@@ -88,9 +102,9 @@ impl RingExchange {
         self.pipeline.visits()
     }
 
-    /// Counts of the tests made here so far, for whomever.
-    pub fn tally(&self) -> Tally {
-        self.tally
+    /// What has been done so far.
+    pub fn effort(&self) -> Effort {
+        self.effort
     }
 
     /// Begins job `number`, which every rank of the ring does. `outlines` are the boxes around the shards of the ring's
@@ -121,7 +135,13 @@ impl RingExchange {
     }
 
     /// Does what can be done now; false if there is nothing to do before a message comes.
-    pub fn serve(&mut self, ranks: &mut Communicator<'_>, mesh: &Mesh, parts: &mut Parts<'_>) -> Result<bool, Failure> {
+    pub fn serve(
+        &mut self,
+        ranks: &mut Communicator<'_>,
+        mesh: &Mesh,
+        parts: &mut Parts<'_>,
+        clock: &dyn Fn() -> f64,
+    ) -> Result<bool, Failure> {
         let mut busy = false;
         while let Some(message) = ranks.receive_where(is_ours)? {
             self.take(ranks, message)?;
@@ -129,7 +149,7 @@ impl RingExchange {
         }
         busy |= self.submit(parts);
         let mut packets = Vec::new();
-        while packets.len() < rayon::current_num_threads()
+        while packets.len() < TOGETHER * rayon::current_num_threads()
             && let Some(action) = self.pipeline.poll()
         {
             busy = true;
@@ -152,7 +172,11 @@ impl RingExchange {
                 }
             }
         }
-        self.test(mesh, packets);
+        if !packets.is_empty() {
+            let start = clock();
+            self.test(mesh, packets);
+            self.effort.testing += clock() - start;
+        }
         if !busy {
             // Nobody waits for a parcel that waits for company.
             (0..self.outbox.len()).for_each(|to| self.post(ranks, to));
@@ -177,6 +201,9 @@ impl RingExchange {
                 && let Some(packet) = part.next()
             {
                 self.job(number).in_flight += 1;
+                if let Content::Samples(samples) = &packet.content {
+                    self.effort.points += samples.len() as u64;
+                }
                 self.pipeline.submit(Packet { shot: number, ..packet });
                 busy = true;
             }
@@ -209,7 +236,7 @@ impl RingExchange {
             [packet] => test(packet),
             packets => packets.par_iter_mut().map(test).reduce(Tally::default, Tally::join),
         };
-        self.tally = self.tally.join(tally);
+        self.effort.tally = self.effort.tally.join(tally);
         packets.into_iter().for_each(|packet| self.pipeline.tested(packet));
     }
 
