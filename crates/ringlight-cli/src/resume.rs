@@ -51,7 +51,7 @@ fn make(run: &mut Run<'_, '_>, arguments: &Resume, file: &SolutionFile<'_>, stor
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     let mesh = run.stage(Stage::Load, |_| file.mesh(store)).with_context(|| path.display().to_string())?;
     let description = file.description().clone();
-    let images = input::images(path, scene, &description)?;
+    let images = input::images(path, scene, &description, store)?;
     outputs::check_camera(&arguments.display, &description.cameras)?;
     outputs::check_sizes(&arguments.targets, &mesh)?;
     // These were said when the scene was read.

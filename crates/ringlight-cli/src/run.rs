@@ -8,6 +8,7 @@ use crate::launch::COMMAND;
 use crate::machine;
 use crate::outputs::{self, Content, Kind, Others, Output, Written};
 use crate::progress::{Reporter, Stage};
+use crate::reading;
 use crate::signals::Signals;
 use crate::spread;
 use crate::watch::{Checkpoint, Watch};
@@ -291,17 +292,21 @@ impl<'a, 'b> Run<'a, 'b> {
         let report = SceneReport::new(&description, &mesh);
         let units = Units::of(&description);
         let others: Vec<&Output> = targets.output.iter().filter(|output| output.kind != Kind::Solution).collect();
-        // They are made on the first rank, from light that is kept with the mesh.
+        // They are made from light that is kept with the mesh: on the first rank, but for pictures, which all draw together.
         if !others.is_empty() {
             let light = OwnLight { own: &share.own, clusters: &state.clusters };
             let light = match self.ranks.size() {
                 1 => Some(SolvedLight::of(state.clusters, host.store()).context("the light cannot be kept")?),
                 _ => light.gather(&mesh, host.store(), self.ranks)?,
             };
-            if let Some(light) = light {
-                let settings = solve_settings;
-                let solution = Solution { description, mesh, settings, ledger, light, energy, images };
-                self.write(&others, &Content::new(&solution, display, hierarchy), &mut outcome);
+            let pictures = others.iter().any(|output| output.kind.is_picture());
+            if pictures || light.is_some() {
+                let (settings, light) = (solve_settings, light.unwrap_or_default());
+                let mut solution = Solution { description, mesh, settings, ledger, light, energy, images };
+                if pictures {
+                    solution = reading::everywhere(self.ranks, host, solution)?;
+                }
+                self.write(&others, &Content { solution: &solution, display }, hierarchy, &mut outcome)?;
             }
         }
         self.seconds.total = self.start.elapsed().as_secs_f64();
@@ -346,11 +351,26 @@ impl<'a, 'b> Run<'a, 'b> {
         })
     }
 
-    /// Writes outputs on this rank. One that fails does not keep the others from being written.
-    fn write(&mut self, outputs: &[&Output], content: &Content<'_>, outcome: &mut Outcome) {
+    /// Writes outputs on the first rank. One that fails does not keep the others from being written.
+    fn write(
+        &mut self,
+        outputs: &[&Output],
+        content: &Content<'_>,
+        hierarchy: Option<Arc<Hierarchy>>,
+        outcome: &mut Outcome,
+    ) -> Result<(), Failure> {
         self.stage(Stage::Write, |run| {
+            let pictures = outputs.iter().any(|output| output.kind.is_picture());
+            let mut ring = pictures.then(|| run.ring(&content.solution.mesh, hierarchy));
             for output in outputs {
-                match outputs::write(output, content) {
+                let picture = match &mut ring {
+                    Some(ring) if output.kind.is_picture() => content.picture(ring, run.ranks)?,
+                    _ => Ok(None),
+                };
+                if !run.is_first() {
+                    continue;
+                }
+                match picture.and_then(|picture| outputs::write(output, content, picture.as_ref())) {
                     Ok(Written { clipped }) => {
                         outcome.clipped = outcome.clipped.max(clipped);
                         run.detail(&format!("wrote {}", output.path.display()));
@@ -358,7 +378,8 @@ impl<'a, 'b> Run<'a, 'b> {
                     Err(error) => outcome.note(Err(error)),
                 }
             }
-        });
+            Ok(())
+        })
     }
 
     /// What every rank has to report, on the first one.

@@ -6,6 +6,7 @@
 
 use super::Mesh;
 use super::walk::{self, Query, Walk};
+use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, Hit, Points, Shooter};
 use std::future::poll_fn;
 use std::pin::pin;
@@ -53,6 +54,9 @@ enum Content {
     Question(Question),
     Answer(Answer),
 }
+
+/// So many rays are worth the work of several threads.
+const MANY: usize = 512;
 
 impl Mailbox {
     /// Empty, for questions of at most so many rays or points.
@@ -107,7 +111,11 @@ impl Inquiry<'_> {
     pub async fn nearest_hits(&self, queries: &[Query]) -> Vec<Option<Hit>> {
         match self {
             Inquiry::Here(mesh, hierarchy) => {
-                queries.iter().map(|query| walk::nearest_hit(mesh, hierarchy, query)).collect()
+                let find = |query: &Query| walk::nearest_hit(mesh, hierarchy, query);
+                match queries.len() {
+                    ..MANY => queries.iter().map(find).collect(),
+                    _ => queries.par_iter().map(find).collect(),
+                }
             }
             Inquiry::Away(mailbox) => {
                 let mut hits = Vec::with_capacity(queries.len());

@@ -216,7 +216,7 @@ impl<'a> Ring<'a> {
     }
 
     /// Most rays of a packet.
-    pub(super) fn packet_size(&self) -> usize {
+    pub fn packet_size(&self) -> usize {
         self.wider().map_or(usize::MAX, |wider| wider.packet_size)
     }
 }
