@@ -151,7 +151,7 @@ type Segment = (usize, usize, usize);
 fn samples(packet: &mut Packet) -> &mut Samples {
     match &mut packet.content {
         Content::Samples(samples) => samples,
-        Content::Rays(_) => unreachable!("nobody asks for rays here"),
+        Content::Aimed(_) | Content::Rays(_) => unreachable!("only shots are asked for here"),
     }
 }
 

@@ -8,6 +8,7 @@ use crate::launch::COMMAND;
 use crate::machine;
 use crate::outputs::{self, Content, Kind, Output, Written};
 use crate::progress::Stage;
+use crate::reading;
 use crate::run::{Baked, Made, Run, Settings};
 use crate::spread;
 use anyhow::Context;
@@ -76,7 +77,8 @@ impl Run<'_, '_> {
         })
     }
 
-    /// Writes all other outputs on the first rank, from light that is kept with the mesh.
+    /// Writes all other outputs, from light that is kept with the mesh: on the first rank, but for pictures, which all draw
+    /// together.
     fn write_others(
         &mut self,
         baked: Baked,
@@ -94,18 +96,38 @@ impl Run<'_, '_> {
             1 => Some(SolvedLight::of(solved.state.clusters, host.store()).context("the light cannot be kept")?),
             _ => solved.light().gather(&mesh, host.store(), self.ranks)?,
         };
-        if let Some(light) = light {
-            let solution = Solution { description, mesh, settings, ledger, light, energy, images };
-            self.write(&others, &Content::new(&solution, display, hierarchy), outcome);
+        let pictures = others.iter().any(|output| output.kind.is_picture());
+        if !pictures && light.is_none() {
+            return Ok(());
         }
-        Ok(())
+        let light = light.unwrap_or_default();
+        let mut solution = Solution { description, mesh, settings, ledger, light, energy, images };
+        if pictures {
+            solution = reading::everywhere(self.ranks, host, solution)?;
+        }
+        self.write(&others, &Content { solution: &solution, display }, hierarchy, outcome)
     }
 
-    /// Writes outputs on this rank. One that fails does not keep the others from being written.
-    fn write(&mut self, outputs: &[&Output], content: &Content<'_>, outcome: &mut Outcome) {
+    /// Writes outputs on the first rank. One that fails does not keep the others from being written.
+    fn write(
+        &mut self,
+        outputs: &[&Output],
+        content: &Content<'_>,
+        hierarchy: Option<Arc<Hierarchy>>,
+        outcome: &mut Outcome,
+    ) -> Result<(), Failure> {
         self.stage(Stage::Write, |run| {
+            let pictures = outputs.iter().any(|output| output.kind.is_picture());
+            let mut ring = pictures.then(|| run.ring(&content.solution.mesh, hierarchy));
             for output in outputs {
-                match outputs::write(output, content) {
+                let picture = match &mut ring {
+                    Some(ring) if output.kind.is_picture() => content.picture(ring, run.ranks)?,
+                    _ => Ok(None),
+                };
+                if !run.is_first() {
+                    continue;
+                }
+                match picture.and_then(|picture| outputs::write(output, content, picture.as_ref())) {
                     Ok(Written { clipped }) => {
                         outcome.clipped = outcome.clipped.max(clipped);
                         run.detail(&format!("wrote {}", output.path.display()));
@@ -113,7 +135,8 @@ impl Run<'_, '_> {
                     Err(error) => outcome.note(Err(error)),
                 }
             }
-        });
+            Ok(())
+        })
     }
 
     /// The report, as far as it is known before outputs are written; on the first rank, if one is asked for.

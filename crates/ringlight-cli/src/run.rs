@@ -105,17 +105,8 @@ impl<'a, 'b> Run<'a, 'b> {
         Ok(Run { arguments, spread, ranks, rings, own, balance, start, signals, reporter, seconds, warnings })
     }
 
-    fn is_first(&self) -> bool {
+    pub fn is_first(&self) -> bool {
         self.ranks.rank() == 0
-    }
-
-    /// Work for the first rank alone, such as looks at files that it will write; the others wait until it is done.
-    pub fn on_first_rank(&mut self, work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
-        if self.is_first() {
-            work()?;
-        }
-        self.ranks.broadcast(0, COMMAND, Vec::new())?;
-        Ok(())
     }
 
     /// Chooses the rings, before memory is taken for what they divide.

@@ -4,6 +4,7 @@
 //! state machines take events and give actions; they know no clock and send nothing themselves, so that a simulator
 //! drives the same code as real ranks do. `README.md` beside this file explains the pipeline.
 
+mod aimed;
 mod balance;
 mod memory;
 mod packet;
@@ -15,6 +16,7 @@ mod shard;
 #[cfg(test)]
 mod simulator;
 
+pub use aimed::Aimed;
 pub use balance::{Balance, Load, Moves, Window, rank_correlation};
 pub use memory::Demand;
 pub use packet::{Answers, Content, Packet, Parcel, Rays, Samples};

@@ -1,6 +1,6 @@
 //! Which members a packet visits.
 
-use super::{Bounds, Content, Packet, ShardBox};
+use super::{Aimed, Bounds, Content, Packet, ShardBox};
 use ringlight_visibility::{Boxes, NO_PLANE, PreparedShooter, Region};
 use std::sync::Arc;
 
@@ -66,7 +66,7 @@ impl Routing {
     pub fn next(self, packet: &Packet, sight: &Sight, from: usize) -> Option<usize> {
         let members = sight.members();
         let done = match &packet.content {
-            Content::Samples(samples) => samples.is_dark(),
+            Content::Samples(samples) | Content::Aimed(Aimed { samples, .. }) => samples.is_dark(),
             Content::Rays(rays) => rays.rays.is_empty(),
         };
         if from >= members || done {
@@ -76,14 +76,16 @@ impl Routing {
             return Some(from);
         }
         let boxes = |place: usize| &sight.outlines.0[(packet.home as usize + place) % members];
-        match &packet.content {
-            Content::Samples(samples) => {
-                let Bounds { low, high } = sight.outlines.1;
-                let region = Region::new(&sight.shooter, samples.points(), samples.masks(), [low, high]);
-                let own = [samples.plane().unwrap_or(NO_PLANE), sight.shooter.plane()];
-                (from..members).find(|&place| boxes(place).may_hide(&region, own))
+        let (samples, shooter) = match &packet.content {
+            Content::Samples(samples) => (samples, &*sight.shooter),
+            Content::Aimed(aimed) => (&aimed.samples, aimed.shooter()),
+            Content::Rays(rays) => {
+                return (from..members).find(|&place| boxes(place).may_be_hit(&rays.rays, &rays.hits));
             }
-            Content::Rays(rays) => (from..members).find(|&place| boxes(place).may_be_hit(&rays.rays, &rays.hits)),
-        }
+        };
+        let Bounds { low, high } = sight.outlines.1;
+        let region = Region::new(shooter, samples.points(), samples.masks(), [low, high]);
+        let own = [samples.plane().unwrap_or(NO_PLANE), shooter.plane()];
+        (from..members).find(|&place| boxes(place).may_hide(&region, own))
     }
 }

@@ -4,7 +4,7 @@
 mod common;
 
 use super::{
-    Action, Answers, Bounds, Content, Outlines, Packet, Parcel, Piece, Pipeline, Rays, Rings, Routing, Samples,
+    Action, Aimed, Answers, Bounds, Content, Outlines, Packet, Parcel, Piece, Pipeline, Rays, Rings, Routing, Samples,
     ShardBox, Shards, Sight, deal, outline,
 };
 use common::{Place, Random, filters, samples, shooter, triangles};
@@ -140,7 +140,12 @@ impl Task {
                     plane: &samples.plane[range.clone()],
                 };
                 let masks = vec![shooter.cells.all(); range.len()];
-                let content = Content::Samples(Samples::of(&[(points, &masks)]));
+                let samples = Samples::of(&[(points, &masks)]);
+                // Every other packet brings the shooter along.
+                let content = match start / way.packet_size % 2 {
+                    0 => Content::Samples(samples),
+                    _ => Content::Aimed(Aimed::new(shooter.clone(), samples)),
+                };
                 let packet = Packet { shot: shot as u64, home: 0, ticket: start as u32, content };
                 ranks[random.below(way.ranks)].waiting.push_back(packet);
             }
@@ -208,6 +213,10 @@ impl Task {
                             let (points, masks) = samples.split_mut();
                             let shooter = &self.shots[packet.shot as usize].0;
                             rank.shard.clear_blocked(shooter, points, masks);
+                        }
+                        Content::Aimed(aimed) => {
+                            let (shooter, points, masks) = aimed.split_mut();
+                            rank.shard.clear_blocked_of(shooter, points, masks);
                         }
                         Content::Rays(rays) => rays.test(|ray, rule| nearest_hit(&rank.shard, ray, rule)),
                     }

@@ -1,6 +1,6 @@
 //! Visibility over a ring: the pipeline of `ring`, driven over the communicator, for several jobs at a time.
 
-use super::walking;
+use super::asking;
 use crate::mesh::Mesh;
 use crate::ring::{Action, Answers, Content, Outlines, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
 use crate::transport::{Communicator, Failure, Message};
@@ -215,8 +215,12 @@ impl RingExchange {
                     let (points, masks) = samples.split_mut();
                     hierarchy.clear_blocked_of(shooter, points, masks)
                 }
+                Content::Aimed(aimed) => {
+                    let (shooter, points, masks) = aimed.split_mut();
+                    hierarchy.clear_blocked_of(shooter, points, masks)
+                }
                 Content::Rays(rays) => {
-                    walking::test(mesh, hierarchy, rays);
+                    asking::test(mesh, hierarchy, rays);
                     Tally::default()
                 }
             }
