@@ -176,24 +176,32 @@ impl Meshed {
     /// What is probed: the light of this scene.
     pub fn solution(&self, world: &World<'_>, state: State) -> Solution {
         let energy = energy(&state, world);
-        let description = Description::new(&self.scene);
+        // Probes ask for nothing else of the scene.
+        let description = Description { lights: self.scene.lights.clone(), ..Description::default() };
         let mesh = self.mesh.clone();
         let (ledger, light) = (Ledger::of(&state), SolvedLight::of(state.clusters, Store::Heap).unwrap());
         Solution { description, mesh, settings: world.settings, ledger, light, energy, images: Vec::new() }
     }
 
+    /// The one rank that reads a solution of this scene.
+    fn alone<'a>(&self, solution: &'a Solution) -> Ring<'a> {
+        Ring::alone(&solution.mesh, self.hierarchy.clone())
+    }
+
     /// Irradiance gathered at points (position, normal); not a number where there is none to tell of.
     pub fn gathered(&self, solution: &Solution, points: &[Place]) -> Vec<[f64; 3]> {
         let points: Vec<Point> = points.iter().map(|&(position, normal)| Point { position, normal }).collect();
-        let found = probe::gather(solution, &self.hierarchy, &points, &GatherOptions::default());
-        found.into_iter().map(irradiance).collect()
+        let (ring, ranks) = (&mut self.alone(solution), &mut Communicator::alone());
+        let found = probe::gather(solution, &points, &GatherOptions::default(), ring, ranks);
+        found.expect("one rank does not fail").into_iter().flatten().map(irradiance).collect()
     }
 
     /// Stored irradiance at points (position, normal) as it is displayed; not a number where there is none to tell of.
     pub fn displayed(&self, solution: &Solution, points: &[Place]) -> Vec<[f64; 3]> {
         let points: Vec<Point> = points.iter().map(|&(position, normal)| Point { position, normal }).collect();
-        let found = probe::surface(solution, &self.hierarchy, &points, &SurfaceOptions::default());
-        found.into_iter().map(irradiance).collect()
+        let (ring, ranks) = (&mut self.alone(solution), &mut Communicator::alone());
+        let found = probe::surface(solution, &points, &SurfaceOptions::default(), ring, ranks);
+        found.expect("one rank does not fail").into_iter().flatten().map(irradiance).collect()
     }
 }
 

@@ -4,6 +4,7 @@ use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice};
 use crate::failure::{End, Failure};
 use crate::host::Host;
 use crate::input;
+use crate::launch;
 use crate::outputs::{self, Others};
 use crate::progress::Stage;
 use crate::run::{self, Baked, Made, Run};
@@ -21,13 +22,13 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let mut run = Run::begin(&arguments.running, &arguments.spread, ranks)?;
     let path = arguments.scene.as_path();
     let others = Others { scene: Some(path), ..run.others() };
-    run.on_first_rank(|| outputs::check(&arguments.targets, &others))?;
+    launch::on_first_rank(run.ranks, || outputs::check(&arguments.targets, &others))?;
     let frugal = arguments.spread.memory_per_rank.is_some();
     let host = Host::find(run.ranks, arguments.sizes.scratch.as_deref(), frugal)?;
     let settings = settings(&arguments.method, arguments.sizes.quality);
     let made = if host.leads() { Some(make(&mut run, arguments, host.store(), settings.sky)?) } else { None };
     let Made { mut mesh, description, images } = run.share(&host, made)?;
-    run.choose_rings(&mesh)?;
+    run.choose_rings(&host, &mesh, &settings)?;
     let hierarchy = run.stage(Stage::Build, |run| run.find_valid_samples(&host, &mut mesh))?;
     let mut ring = run.ring(&mesh, Some(hierarchy));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
@@ -67,9 +68,8 @@ fn make(run: &mut Run<'_, '_>, arguments: &Bake, store: Store<'_>, sky: Option<R
     if !input::has_light(&scene, &mesh, sky) {
         return Err(input::no_light(path));
     }
-    let description = Description::new(&scene);
     let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
-    Ok(Made { mesh, description, images })
+    Ok(Made { mesh, description: Description::new(scene), images })
 }
 
 /// The settings that decide the result.

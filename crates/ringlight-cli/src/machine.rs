@@ -44,12 +44,24 @@ fn kilobytes(text: &str, name: &str) -> Option<u64> {
     Some(1024 * line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?)
 }
 
+/// CPU time of the calling thread so far, seconds; 0 where the system does not tell.
+#[cfg(unix)]
+pub fn thread_seconds() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 / 1e9
+}
+
+/// CPU time of the calling thread so far, seconds; 0 where the system does not tell.
+#[cfg(not(unix))]
+pub fn thread_seconds() -> f64 {
+    0.0
+}
+
 /// CPU time of the threads of the calling thread's pool so far, seconds; 0 where the system does not tell. These are the
 /// threads of one rank, whether it is a process or a thread itself.
 #[cfg(unix)]
 pub fn busy_seconds() -> f64 {
-    let times = rayon::broadcast(|_| rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime));
-    times.iter().map(|time| time.tv_sec as f64 + time.tv_nsec as f64 / 1e9).sum()
+    rayon::broadcast(|_| thread_seconds()).iter().sum()
 }
 
 /// CPU time of the threads of the calling thread's pool so far, seconds; 0 where the system does not tell.

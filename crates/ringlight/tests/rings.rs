@@ -5,7 +5,7 @@ mod support;
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions};
 use ringlight::resources::Bytes;
-use ringlight::ring::{Rings, Routing, Shards, Visits};
+use ringlight::ring::{Moves, Rings, Routing, Shards, Visits};
 use ringlight::scene::{self, Light, ReadOptions, Scene};
 use ringlight::shooting::{ClusterLight, Shoot};
 use ringlight::solve::{self, Progress, Ring, SolveSettings, Spread, State, StopReason, StopRule, World};
@@ -51,8 +51,9 @@ impl Task {
         let energy = state.energy(&world, ranks)?;
         let end = format!("{reason:?} {energy:?} {:?}", (state.shots, state.emitters_shot, state.emitted));
         assert_eq!(reason, StopReason::MaxShots);
-        let traffic = ranks.traffic().clone();
-        Ok(Part { own: ring.share().own.clone(), light: state.clusters, end, progress, visits: ring.visits(), traffic })
+        let (traffic, held) = (ranks.traffic().clone(), ring.hierarchy().triangles().len());
+        let (own, light, visits) = (ring.share().own.clone(), state.clusters, ring.visits());
+        Ok(Part { own, light, end, progress, visits, traffic, held })
     }
 
     fn alone(&self) -> Part {
@@ -87,6 +88,8 @@ struct Part {
     progress: Progress,
     visits: Visits,
     traffic: BTreeMap<u32, Traffic>,
+    /// Triangles held at the end.
+    held: usize,
 }
 
 fn spread(ranks: usize, rings: usize) -> Spread {
@@ -170,6 +173,23 @@ fn several_shooters_in_flight_give_the_same_light_over_any_rings() {
     }
 }
 
+/// Geometry that moves to random members after every shot changes nothing.
+#[test]
+fn geometry_may_move_between_all_shots() {
+    for shooters_in_flight in [1, 3] {
+        let office = Task::office(shooters_in_flight, 16);
+        let expected = office.alone();
+        for (ranks, rings) in [(2, 1), (5, 2), (4, 1)] {
+            for way in [spread(ranks, rings), papers(spread(ranks, rings))] {
+                let held = |moves| -> Vec<usize> {
+                    office.check(&expected, Spread { moves, ..way }).iter().map(|part| part.held).collect()
+                };
+                assert_ne!(held(Moves::Random), held(Moves::Never), "nothing has moved");
+            }
+        }
+    }
+}
+
 #[test]
 fn no_light_travels_but_that_of_the_shooter() {
     let office = Task::office(1, 10);
@@ -190,7 +210,7 @@ fn no_light_travels_but_that_of_the_shooter() {
     // Each member of a ring says that its own packets are home, and is told that all are.
     // The audit of all shots together is one more question.
     assert_eq!((total[&3].messages, total[&4].messages), (11 * 2, 11 * 2));
-    // All else are points and masks, rays and hits, and the sums of the audit.
-    assert_eq!(total.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6, 7]);
+    // All else are points and masks, rays and hits, the sums of the audit, and how busy everyone was.
+    assert_eq!(total.keys().copied().collect::<Vec<_>>(), [1, 2, 3, 4, 5, 6, 7, 8]);
     assert!(expected.progress.rays <= parts[0].progress.rays);
 }

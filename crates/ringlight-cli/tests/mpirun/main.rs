@@ -4,6 +4,9 @@
 #[allow(dead_code, reason = "the command's other tests use the rest")]
 mod workshop;
 
+#[cfg(target_os = "linux")]
+mod memory;
+
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 use workshop::{COARSE, Workshop};

@@ -1,8 +1,8 @@
 //! Visibility over a ring: the pipeline of `ring`, driven over the communicator, for several jobs at a time.
 
-use super::walking;
+use super::asking;
 use crate::mesh::Mesh;
-use crate::ring::{Action, Answers, Content, Packet, Parcel, Pipeline, Rings, Routing, ShardBox, Sight, Visits};
+use crate::ring::{Action, Answers, Content, Outlines, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
 use crate::transport::{Communicator, Failure, Message};
 use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, PreparedShooter, Shooter, Tally};
@@ -22,6 +22,9 @@ const ALL_HOME: u32 = 4;
 /// microseconds, is that of a few kilobytes.
 const MESSAGE: usize = 16 << 10;
 
+/// Packets that are tested together, for each thread: looking at the clock costs as much as some rays.
+const TOGETHER: usize = 8;
+
 /// This rank's place among those that hold the geometry with it.
 pub struct RingExchange {
     pipeline: Pipeline,
@@ -33,7 +36,18 @@ pub struct RingExchange {
     early: BTreeMap<u64, usize>,
     /// Parcels that wait for company, by member.
     outbox: Vec<Vec<u8>>,
-    tally: Tally,
+    effort: Effort,
+}
+
+/// What has been done here, for whomever.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Effort {
+    /// Counts of visibility tests.
+    pub tally: Tally,
+    /// CPU time that tests took, seconds.
+    pub testing: f64,
+    /// Sample points of own clusters that were asked for.
+    pub points: u64,
 }
 
 /// A job: what all members of the ring ask about one shooter.
@@ -73,7 +87,7 @@ impl RingExchange {
             jobs: BTreeMap::new(),
             early: BTreeMap::new(),
             outbox: vec![Vec::new(); members.len()],
-            tally: Tally::default(),
+            effort: Effort::default(),
         }
     }
 
@@ -88,21 +102,15 @@ impl RingExchange {
         self.pipeline.visits()
     }
 
-    /// Counts of the tests made here so far, for whomever.
-    pub fn tally(&self) -> Tally {
-        self.tally
+    /// What has been done so far.
+    pub fn effort(&self) -> Effort {
+        self.effort
     }
 
     /// Begins job `number`, which every rank of the ring does. `outlines` are the boxes around the shards of the ring's
     /// members, of which `hierarchy` is this rank's.
-    pub fn begin(
-        &mut self,
-        number: u64,
-        shooter: &Shooter,
-        outlines: Arc<Vec<Vec<ShardBox>>>,
-        hierarchy: Arc<Hierarchy>,
-    ) {
-        assert_eq!(self.outbox.len(), outlines.len(), "every member of the ring has its boxes");
+    pub fn begin(&mut self, number: u64, shooter: &Shooter, outlines: Arc<Outlines>, hierarchy: Arc<Hierarchy>) {
+        assert_eq!(self.outbox.len(), outlines.members(), "every member of the ring has its boxes");
         let shooter = Arc::new(PreparedShooter::new(shooter));
         self.pipeline.begin(number, Sight::new(shooter.clone(), outlines));
         let done = self.early.remove(&number).unwrap_or(0);
@@ -121,7 +129,13 @@ impl RingExchange {
     }
 
     /// Does what can be done now; false if there is nothing to do before a message comes.
-    pub fn serve(&mut self, ranks: &mut Communicator<'_>, mesh: &Mesh, parts: &mut Parts<'_>) -> Result<bool, Failure> {
+    pub fn serve(
+        &mut self,
+        ranks: &mut Communicator<'_>,
+        mesh: &Mesh,
+        parts: &mut Parts<'_>,
+        clock: &dyn Fn() -> f64,
+    ) -> Result<bool, Failure> {
         let mut busy = false;
         while let Some(message) = ranks.receive_where(is_ours)? {
             self.take(ranks, message)?;
@@ -129,7 +143,7 @@ impl RingExchange {
         }
         busy |= self.submit(parts);
         let mut packets = Vec::new();
-        while packets.len() < rayon::current_num_threads()
+        while packets.len() < TOGETHER * rayon::current_num_threads()
             && let Some(action) = self.pipeline.poll()
         {
             busy = true;
@@ -152,7 +166,11 @@ impl RingExchange {
                 }
             }
         }
-        self.test(mesh, packets);
+        if !packets.is_empty() {
+            let start = clock();
+            self.test(mesh, packets);
+            self.effort.testing += clock() - start;
+        }
         if !busy {
             // Nobody waits for a parcel that waits for company.
             (0..self.outbox.len()).for_each(|to| self.post(ranks, to));
@@ -177,6 +195,9 @@ impl RingExchange {
                 && let Some(packet) = part.next()
             {
                 self.job(number).in_flight += 1;
+                if let Content::Samples(samples) = &packet.content {
+                    self.effort.points += samples.len() as u64;
+                }
                 self.pipeline.submit(Packet { shot: number, ..packet });
                 busy = true;
             }
@@ -194,8 +215,12 @@ impl RingExchange {
                     let (points, masks) = samples.split_mut();
                     hierarchy.clear_blocked_of(shooter, points, masks)
                 }
+                Content::Aimed(aimed) => {
+                    let (shooter, points, masks) = aimed.split_mut();
+                    hierarchy.clear_blocked_of(shooter, points, masks)
+                }
                 Content::Rays(rays) => {
-                    walking::test(mesh, hierarchy, rays);
+                    asking::test(mesh, hierarchy, rays);
                     Tally::default()
                 }
             }
@@ -205,7 +230,7 @@ impl RingExchange {
             [packet] => test(packet),
             packets => packets.par_iter_mut().map(test).reduce(Tally::default, Tally::join),
         };
-        self.tally = self.tally.join(tally);
+        self.effort.tally = self.effort.tally.join(tally);
         packets.into_iter().for_each(|packet| self.pipeline.tested(packet));
     }
 

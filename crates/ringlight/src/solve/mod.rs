@@ -1,8 +1,10 @@
 //! Progressive refinement: choose, shoot, receive, until it is good.
 
+mod asking;
 mod choice;
 mod energy;
 mod exchange;
+mod holding;
 mod ledger;
 mod plain;
 mod receiving;
@@ -12,9 +14,10 @@ mod state;
 mod walking;
 
 pub use energy::Energy;
+pub use holding::OUTLINE;
 pub use ledger::Ledger;
 pub use plain::plain;
-pub use ring::{Job, OUTLINE, Ring};
+pub use ring::{Clock, Job, Ring};
 pub use share::{Share, Spread};
 pub use state::{State, World};
 

@@ -1,24 +1,18 @@
 //! A rank in its ring: the geometry that it holds, and how its clusters come to see a shot.
 
-use super::exchange::{Part, RingExchange};
+use super::asking;
+use super::exchange::{Effort, Part, RingExchange};
+use super::holding::Holding;
 use super::receiving::Receiving;
 use super::share::{Share, Spread};
-use super::walking::{self, Group, Walking};
-use crate::mesh::walk::Walk;
 use crate::mesh::{self, Mesh};
-use crate::ring::{Bounds, Piece, ShardBox, Visits, deal, outline};
+use crate::ring::{Load, Visits, Window};
 use crate::shooting::{self, ClusterLight, Shot, Work};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
-use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Shooter, Tally};
+use ringlight_visibility::{Hierarchy, Shooter, Tally};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// Boxes that describe a shard to the other members.
-pub const OUTLINE: usize = 64;
-
-/// Most pieces that geometry is dealt out in: every member knows the holder of each.
-const PIECES: usize = 1 << 16;
 
 /// Clusters with final masks gather to so many for each thread before they take their light, unless there is nothing else
 /// to do.
@@ -28,22 +22,41 @@ const SEEN: usize = 8;
 pub struct Ring<'a> {
     mesh: &'a Mesh,
     share: Arc<Share>,
-    hierarchy: Arc<Hierarchy>,
-    /// None in a ring of one, which holds everything.
-    spread: Option<Wider<'a>>,
+    geometry: Geometry<'a>,
     tally: Tally,
+}
+
+/// Where the geometry is.
+enum Geometry<'a> {
+    /// All of it here: a ring of one.
+    Here(Arc<Hierarchy>),
+    /// Spread over the members.
+    Spread(Box<Wider<'a>>),
 }
 
 /// What a ring of several members needs.
 struct Wider<'a> {
     exchange: RingExchange,
-    outlines: Arc<Vec<Vec<ShardBox>>>,
+    holding: Holding<'a>,
     packet_size: usize,
     /// Shots under way, by the number of their job.
     receiving: BTreeMap<u64, Receiving<'a>>,
+    /// Buffers of shots that are over.
+    spare: Vec<Work>,
     /// Jobs so far.
     jobs: u64,
+    /// Tells the CPU time of this rank so far, seconds.
+    clock: Clock,
+    /// The last job that saw the geometry held otherwise.
+    settled: u64,
+    /// Shots since the members told each other their loads.
+    shots: u64,
+    /// The clock, and what the exchange had done, at that time.
+    since: (f64, Effort),
 }
+
+/// Tells CPU time of this rank so far, seconds.
+pub type Clock = Box<dyn Fn() -> f64 + Send>;
 
 /// A job under way: what the ring is asked for one shooter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,41 +65,44 @@ pub struct Job(u64);
 impl<'a> Ring<'a> {
     /// Of a rank that is alone and holds all geometry.
     pub fn alone(mesh: &'a Mesh, hierarchy: Arc<Hierarchy>) -> Ring<'a> {
-        Ring { mesh, share: Arc::new(Share::new(mesh, 0, 1)), hierarchy, spread: None, tally: Tally::default() }
+        let share = Arc::new(Share::new(mesh, 0, 1));
+        Ring { mesh, share, geometry: Geometry::Here(hierarchy), tally: Tally::default() }
     }
 
     /// Of rank `rank`: builds the hierarchy over its shard.
     pub fn new(mesh: &'a Mesh, spread: &Spread, rank: usize) -> Ring<'a> {
-        Ring::with(mesh, spread, rank, None)
+        Ring::with(mesh, spread, rank, None, Box::new(|| 0.0))
     }
 
-    /// Of rank `rank`, with the hierarchy over its shard if that has been built before, see [`Ring::hierarchy`].
-    pub fn with(mesh: &'a Mesh, spread: &Spread, rank: usize, hierarchy: Option<Arc<Hierarchy>>) -> Ring<'a> {
+    /// Of rank `rank`, with the hierarchy over its shard if that has been built before, see [`Ring::hierarchy`]. The load is
+    /// balanced by a clock; it changes no result.
+    pub fn with(
+        mesh: &'a Mesh,
+        spread: &Spread,
+        rank: usize,
+        hierarchy: Option<Arc<Hierarchy>>,
+        clock: Clock,
+    ) -> Ring<'a> {
         let members = spread.rings.members(spread.rings.ring_of(rank));
         let share = Arc::new(Share::new(mesh, rank, spread.rings.ranks()));
-        if members.len() == 1 {
-            return Ring { share, ..Ring::alone(mesh, hierarchy.unwrap_or_else(|| Arc::new(mesh::hierarchy(mesh)))) };
-        }
-        let run = mesh.facets.len().div_ceil(PIECES);
-        let pieces: Vec<Piece> = mesh.facets.chunks(run).map(piece).collect();
-        let holders = deal(&pieces, members.len(), spread.shards);
-        let mut held = vec![Vec::new(); members.len()];
-        holders.iter().zip(0u32..).for_each(|(&member, piece)| held[member as usize].push(piece));
-        let boxes =
-            |held: &Vec<u32>| outline(&held.iter().map(|&piece| pieces[piece as usize]).collect::<Vec<_>>(), OUTLINE);
-        let outlines = Arc::new(held.iter().map(boxes).collect::<Vec<_>>());
-        let (run, facets) = (run as u32, mesh.facets.len() as u32);
-        let own = held[rank - members.start].iter();
-        let own = own.flat_map(|&p| p * run..facets.min((p + 1) * run));
-        let hierarchy = hierarchy.unwrap_or_else(|| Arc::new(mesh::hierarchy_of(mesh, own)));
-        let wider = Wider {
-            exchange: RingExchange::new(spread.rings, rank, spread.routing, spread.window),
-            outlines,
-            packet_size: spread.packet_size,
-            receiving: BTreeMap::new(),
-            jobs: 0,
+        let geometry = if members.len() == 1 {
+            Geometry::Here(hierarchy.unwrap_or_else(|| Arc::new(mesh::hierarchy(mesh))))
+        } else {
+            let since = (clock(), Effort::default());
+            Geometry::Spread(Box::new(Wider {
+                exchange: RingExchange::new(spread.rings, rank, spread.routing, spread.window),
+                holding: Holding::new(mesh, spread, rank, hierarchy),
+                packet_size: spread.packet_size,
+                receiving: BTreeMap::new(),
+                spare: Vec::new(),
+                jobs: 0,
+                clock,
+                settled: 0,
+                shots: 0,
+                since,
+            }))
         };
-        Ring { mesh, share, hierarchy, spread: Some(wider), tally: Tally::default() }
+        Ring { mesh, share, geometry, tally: Tally::default() }
     }
 
     /// The scene.
@@ -101,33 +117,57 @@ impl<'a> Ring<'a> {
 
     /// What this rank holds of the geometry.
     pub fn hierarchy(&self) -> &Arc<Hierarchy> {
-        &self.hierarchy
+        match &self.geometry {
+            Geometry::Here(hierarchy) => hierarchy,
+            Geometry::Spread(wider) => &wider.holding.hierarchy,
+        }
+    }
+
+    /// How the load of the ring's members was balanced; none in a ring of one.
+    pub fn windows(&self) -> &[Window] {
+        self.wider().map_or(&[], |wider| wider.holding.balance().windows())
+    }
+
+    fn wider(&self) -> Option<&Wider<'a>> {
+        match &self.geometry {
+            Geometry::Here(_) => None,
+            Geometry::Spread(wider) => Some(wider),
+        }
     }
 
     /// Counts of visibility tests made here so far.
     pub fn tally(&self) -> Tally {
-        self.spread.as_ref().map_or(self.tally, |wider| wider.exchange.tally())
+        self.wider().map_or(self.tally, |wider| wider.exchange.effort().tally)
     }
 
     /// Counts of packets so far.
     pub fn visits(&self) -> Visits {
-        self.spread.as_ref().map_or(Visits::default(), |wider| wider.exchange.visits())
+        self.wider().map_or(Visits::default(), |wider| wider.exchange.visits())
     }
 
     /// Begins to find what own clusters see of a shot. Every rank calls it.
     pub fn begin(&mut self, shot: &Arc<Shot>) -> Job {
-        let Some(wider) = &mut self.spread else { return Job(0) };
-        let job = wider.begin(&shot.shooter, &self.hierarchy);
+        let Geometry::Spread(wider) = &mut self.geometry else { return Job(0) };
+        let job = wider.begin(&shot.shooter);
         let compact = wider.exchange.wants_compact_packets();
-        let part = Receiving::new(self.mesh, self.share.clone(), shot.clone(), wider.packet_size, compact);
+        let part = Receiving::new(
+            self.mesh,
+            self.share.clone(),
+            shot.clone(),
+            wider.packet_size,
+            compact,
+            std::mem::take(&mut wider.spare),
+        );
         wider.receiving.insert(job, part);
         Job(job)
     }
 
     /// Does what can be done now for what has begun; false if there is nothing to do before a message comes.
     pub fn serve(&mut self, ranks: &mut Communicator<'_>) -> Result<bool, Failure> {
-        let mesh = self.mesh;
-        self.spread.as_mut().map_or(Ok(false), |wider| wider.serve(ranks, mesh, None))
+        match &mut self.geometry {
+            Geometry::Here(_) => Ok(false),
+            Geometry::Spread(wider) => wider.serve(ranks, self.mesh, None),
+        }
     }
 
     /// Adds to `light`, the light of own clusters, what they receive from a shot. Every rank calls it, in the order in which
@@ -139,9 +179,12 @@ impl<'a> Ring<'a> {
         shot: &Shot,
         light: &mut [ClusterLight],
     ) -> Result<(), Failure> {
-        let Some(wider) = &mut self.spread else {
-            self.tally = self.tally.join(receive(self.mesh, &self.share, &self.hierarchy, shot, light));
-            return Ok(());
+        let wider = match &mut self.geometry {
+            Geometry::Here(hierarchy) => {
+                self.tally = self.tally.join(receive(self.mesh, &self.share, hierarchy, shot, light));
+                return Ok(());
+            }
+            Geometry::Spread(wider) => wider,
         };
         let many = SEEN * rayon::current_num_threads();
         while !wider.exchange.is_over(job) {
@@ -155,27 +198,22 @@ impl<'a> Ring<'a> {
         }
         if let Some(mut part) = wider.receiving.remove(&job) {
             part.add_seen(light);
+            wider.spare.extend(part.into_buffers());
         }
         wider.exchange.end(job);
-        Ok(())
+        wider.rebalance(ranks, job)
     }
 
-    /// Follows walks of this rank to their ends, and helps others with theirs. Every rank of the ring calls it.
-    pub(super) fn walk<Purpose: Send, W: Walk + Send>(
+    /// Serves a part of this rank until the parts of all members are done. Every rank of the ring calls it.
+    pub(super) fn serve_to_the_end(
         &mut self,
         ranks: &mut Communicator<'_>,
-        groups: impl Iterator<Item = Group<Purpose, W>>,
-        end: impl FnMut(Purpose, Vec<W>),
+        part: &mut dyn Part,
     ) -> Result<(), Failure> {
-        let Some(wider) = &mut self.spread else {
-            walking::run(self.mesh, &self.hierarchy, groups, end);
-            return Ok(());
-        };
-        let nothing = Shooter { cells: Cells::Points(Vec::new()), plane: NO_PLANE, far: 1.0 };
-        let job = wider.begin(&nothing, &self.hierarchy);
-        let mut part = Walking::new(groups, end);
+        let Geometry::Spread(wider) = &mut self.geometry else { return Ok(()) };
+        let job = wider.begin(&asking::nothing());
         while !wider.exchange.is_over(job) {
-            if !wider.serve(ranks, self.mesh, Some((job, &mut part)))? && !wider.exchange.is_over(job) {
+            if !wider.serve(ranks, self.mesh, Some((job, part)))? && !wider.exchange.is_over(job) {
                 wider.exchange.wait(ranks)?;
             }
         }
@@ -183,18 +221,47 @@ impl<'a> Ring<'a> {
         Ok(())
     }
 
+    /// Whether this rank holds all triangles.
+    pub(super) fn holds_all(&self) -> bool {
+        self.wider().is_none()
+    }
+
     /// Most rays of a packet.
-    pub(super) fn packet_size(&self) -> usize {
-        self.spread.as_ref().map_or(usize::MAX, |wider| wider.packet_size)
+    pub fn packet_size(&self) -> usize {
+        self.wider().map_or(usize::MAX, |wider| wider.packet_size)
     }
 }
 
 impl Wider<'_> {
     /// Begins a job about a shooter.
-    fn begin(&mut self, shooter: &Shooter, hierarchy: &Arc<Hierarchy>) -> u64 {
+    fn begin(&mut self, shooter: &Shooter) -> u64 {
         self.jobs += 1;
-        self.exchange.begin(self.jobs, shooter, self.outlines.clone(), hierarchy.clone());
+        let Holding { hierarchy, outlines, .. } = &self.holding;
+        self.exchange.begin(self.jobs, shooter, outlines.clone(), hierarchy.clone());
         self.jobs
+    }
+
+    /// After a shot is over: when enough has been seen, lets geometry move to members that are less busy.
+    fn rebalance(&mut self, ranks: &mut Communicator<'_>, job: u64) -> Result<(), Failure> {
+        if job <= self.settled {
+            // It saw the geometry held otherwise.
+            self.since = ((self.clock)(), self.exchange.effort());
+            return Ok(());
+        }
+        self.shots += 1;
+        if self.shots < self.holding.balance().pause() {
+            return Ok(());
+        }
+        let now = ((self.clock)(), self.exchange.effort());
+        let testing = now.1.testing - self.since.1.testing;
+        let other = (now.0 - self.since.0 - testing).max(0.0);
+        let load = Load { testing, other, points: now.1.points - self.since.1.points };
+        if self.holding.rebalance(ranks, self.shots, load, !self.receiving.is_empty())? {
+            self.settled = self.jobs;
+        }
+        self.shots = 0;
+        self.since = ((self.clock)(), self.exchange.effort());
+        Ok(())
     }
 
     /// Serves all shots under way, and one more job.
@@ -209,7 +276,7 @@ impl Wider<'_> {
         if let Some((job, part)) = last {
             parts.push((job, part));
         }
-        self.exchange.serve(ranks, mesh, &mut parts)
+        self.exchange.serve(ranks, mesh, &mut parts, &self.clock)
     }
 }
 
@@ -218,11 +285,4 @@ fn receive(mesh: &Mesh, share: &Share, hierarchy: &Hierarchy, shot: &Shot, light
     let own = share.own.par_iter().zip(light).with_min_len(4);
     own.map_init(Work::default, |work, (&c, light)| shooting::receive(mesh, c as usize, light, shot, hierarchy, work))
         .reduce(Tally::default, Tally::join)
-}
-
-fn piece(facets: &[mesh::Facet]) -> Piece {
-    let triangles = facets.iter().map(|f| if f.corners[3] == f.corners[0] { 1 } else { 2 }).sum();
-    let plane = facets.first().map(|f| f.plane).filter(|&plane| facets.iter().all(|f| f.plane == plane));
-    let bounds = Bounds::around(facets.iter().flat_map(|f| f.corners).map(|c| c.to_array()));
-    Piece { bounds, triangles, plane: plane.unwrap_or(NO_PLANE) }
 }

@@ -1,7 +1,7 @@
 //! What a rank owns, and how the work is spread over ranks.
 
 use crate::mesh::Mesh;
-use crate::ring::{Rings, Routing, Shards, owners};
+use crate::ring::{Moves, Rings, Routing, Shards, owners};
 
 /// The clusters whose light a rank holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,11 +42,20 @@ pub struct Spread {
     pub packet_size: usize,
     /// Most own packets of a rank under way at a time.
     pub window: usize,
+    /// When geometry moves between the members of a ring.
+    pub moves: Moves,
 }
 
 impl Spread {
     /// Over the ranks of these rings; all else as it is best.
     pub fn new(rings: Rings) -> Spread {
-        Spread { rings, shards: Shards::default(), routing: Routing::default(), packet_size: 256, window: 64 }
+        Spread {
+            rings,
+            shards: Shards::default(),
+            routing: Routing::default(),
+            packet_size: 256,
+            window: 64,
+            moves: Moves::default(),
+        }
     }
 }

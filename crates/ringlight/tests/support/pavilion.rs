@@ -58,7 +58,7 @@ pub fn pavilion() -> Scene {
 
     let mut builder = Builder::default();
     let mut png = Vec::new();
-    let texel = |x: u32, y: u32| image::Rgba([200, 180, 90, 255 * ((x / 2 + y / 3) % 2) as u8]);
+    let texel = |x: u32, y: u32| image::Rgba([200, 180, 90, if (x / 2 + y / 3).is_multiple_of(2) { 255 } else { 0 }]);
     let holes = image::RgbaImage::from_fn(12, 12, texel);
     holes.write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png).expect("written");
     let image = builder.view(&png);
