@@ -183,18 +183,25 @@ impl Meshed {
         Solution { description, mesh, settings: world.settings, ledger, light, energy, images: Vec::new() }
     }
 
+    /// The one rank that reads a solution of this scene.
+    fn alone<'a>(&self, solution: &'a Solution) -> Ring<'a> {
+        Ring::alone(&solution.mesh, self.hierarchy.clone())
+    }
+
     /// Irradiance gathered at points (position, normal); not a number where there is none to tell of.
     pub fn gathered(&self, solution: &Solution, points: &[Place]) -> Vec<[f64; 3]> {
         let points: Vec<Point> = points.iter().map(|&(position, normal)| Point { position, normal }).collect();
-        let found = probe::gather(solution, &self.hierarchy, &points, &GatherOptions::default());
-        found.into_iter().map(irradiance).collect()
+        let (ring, ranks) = (&mut self.alone(solution), &mut Communicator::alone());
+        let found = probe::gather(solution, &points, &GatherOptions::default(), ring, ranks);
+        found.expect("one rank does not fail").into_iter().flatten().map(irradiance).collect()
     }
 
     /// Stored irradiance at points (position, normal) as it is displayed; not a number where there is none to tell of.
     pub fn displayed(&self, solution: &Solution, points: &[Place]) -> Vec<[f64; 3]> {
         let points: Vec<Point> = points.iter().map(|&(position, normal)| Point { position, normal }).collect();
-        let found = probe::surface(solution, &self.hierarchy, &points, &SurfaceOptions::default());
-        found.into_iter().map(irradiance).collect()
+        let (ring, ranks) = (&mut self.alone(solution), &mut Communicator::alone());
+        let found = probe::surface(solution, &points, &SurfaceOptions::default(), ring, ranks);
+        found.expect("one rank does not fail").into_iter().flatten().map(irradiance).collect()
     }
 }
 

@@ -168,7 +168,9 @@ pub struct Export {
     pub targets: Targets,
     #[command(flatten)]
     pub display: DisplayArguments,
-    /// Threads; all cores by default
+    #[command(flatten)]
+    pub spread: SpreadArguments,
+    /// Threads of each rank; its share of the cores by default
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
     /// Say nothing but errors
@@ -210,7 +212,9 @@ pub struct Probe {
     /// Surface: how far the surface may be, metres; the size of elements by default
     #[arg(long, value_name = "M", value_parser = values::positive)]
     pub reach: Option<f64>,
-    /// Threads; all cores by default. The result does not depend on it
+    #[command(flatten)]
+    pub spread: SpreadArguments,
+    /// Threads of each rank; its share of the cores by default. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
     /// Say nothing but errors
@@ -268,7 +272,7 @@ pub struct ViewFactors {
     /// Unit of an OBJ file's lengths; metres by default
     #[arg(long, value_enum)]
     pub unit: Option<UnitChoice>,
-    /// Threads; all cores by default. The result does not depend on it
+    /// Threads of each rank; its share of the cores by default. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
     /// Write an audit as JSON: counts, row sums, reciprocity, estimates

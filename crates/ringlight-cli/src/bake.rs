@@ -4,6 +4,7 @@ use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice};
 use crate::failure::{End, Failure};
 use crate::host::Host;
 use crate::input;
+use crate::launch;
 use crate::outputs::{self, Others};
 use crate::progress::Stage;
 use crate::run::{self, Baked, Made, Run};
@@ -21,7 +22,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let mut run = Run::begin(&arguments.running, &arguments.spread, ranks)?;
     let path = arguments.scene.as_path();
     let others = Others { scene: Some(path), ..run.others() };
-    run.on_first_rank(|| outputs::check(&arguments.targets, &others))?;
+    launch::on_first_rank(run.ranks, || outputs::check(&arguments.targets, &others))?;
     let frugal = arguments.spread.memory_per_rank.is_some();
     let host = Host::find(run.ranks, arguments.sizes.scratch.as_deref(), frugal)?;
     let settings = settings(&arguments.method, arguments.sizes.quality);

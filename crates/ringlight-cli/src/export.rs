@@ -2,33 +2,48 @@
 
 use crate::arguments::Export;
 use crate::failure::{End, Failure};
-use crate::input;
+use crate::host::Host;
 use crate::outputs::{self, Content, Others};
-use crate::run;
+use crate::{launch, reading, run, spread};
+use ringlight::transport::Communicator;
 
-/// Writes outputs of a solution.
-pub fn export(arguments: &Export) -> Result<End, Failure> {
+/// Writes outputs of a solution; pictures are drawn by all ranks.
+pub fn export(arguments: &Export, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
-    outputs::check(&arguments.targets, &Others { scene, ..Others::default() })?;
-    let solution = input::solution(path, scene)?;
+    spread::check(&arguments.spread, ranks.size())?;
+    let others = Others { scene, ..Others::default() };
+    launch::on_first_rank(ranks, || outputs::check(&arguments.targets, &others))?;
+    let host = Host::find(ranks, None, arguments.spread.memory_per_rank.is_some())?;
+    let solution = reading::solution(ranks, &host, path, scene)?;
     outputs::check_camera(&arguments.display, &solution.description.cameras)?;
     outputs::check_sizes(&arguments.targets, &solution.mesh)?;
-    if !arguments.quiet {
+    let first = ranks.rank() == 0;
+    if first && !arguments.quiet {
         for warning in outputs::missing_images(&solution.description, &solution.images, &arguments.targets).0 {
             eprintln!("warning: {}", run::warning(&warning.message, warning.count, ""));
         }
     }
-    let content = Content::new(&solution, &arguments.display, None);
-    for output in &arguments.targets.output {
-        outputs::write(output, &content)?;
+    let content = Content { solution: &solution, display: &arguments.display };
+    let (pictures, others): (Vec<_>, Vec<_>) = arguments.targets.output.iter().partition(|o| o.kind.is_picture());
+    if !pictures.is_empty() {
+        let mut ring = reading::ring(ranks, &arguments.spread, &solution.mesh)?;
+        for output in pictures {
+            if let Some(picture) = content.picture(&mut ring, ranks)?? {
+                outputs::write(output, &content, Some(&picture))?;
+            }
+        }
+    }
+    // All else the first rank writes, as it reads it.
+    for output in others.into_iter().filter(|_| first) {
+        outputs::write(output, &content, None)?;
     }
     Ok(End::Done)
 }
 
 /// Draws pictures of a solution.
-pub fn render(arguments: &Export) -> Result<End, Failure> {
+pub fn render(arguments: &Export, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
     match arguments.targets.output.iter().find(|output| !output.kind.is_picture()) {
         Some(output) => Err(Failure::Usage(format!("{} is no picture; expected .png or .exr", output.path.display()))),
-        None => export(arguments),
+        None => export(arguments, ranks),
     }
 }

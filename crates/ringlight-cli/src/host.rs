@@ -6,6 +6,7 @@ use crate::launch::COMMAND;
 use crate::machine;
 use crate::scratch::FileScratch;
 use anyhow::Context;
+use bytemuck::Pod;
 use ringlight::column::{Bytes, Column, Store};
 use ringlight::mesh::Mesh;
 use ringlight::plan::MeshPlace;
@@ -112,26 +113,26 @@ impl Host {
             Ok::<_, io::Error>(())
         };
         ranks.gather_batches(COMMAND, batches.len(), part, take)?.context("scratch memory")?;
-        if self.hosts > 1 {
-            self.hand_on(ranks, &mut whole)?;
-        }
+        self.hand_on(ranks, &mut whole)?;
         let leads = self.leads();
         let bytes =
             self.share(ranks, leads.then_some(|out: &mut dyn Write| out.write_all(bytemuck::cast_slice(&whole))))?;
         Column::shared(&bytes, 0..bytes.len()).context("what ranks share is cut off").map_err(Failure::from)
     }
 
-    /// Gives the leaders of other machines what rank 0 has.
-    fn hand_on(&self, ranks: &mut Communicator<'_>, whole: &mut Column<u16>) -> Result<(), Failure> {
-        let values = BATCH / size_of::<u16>();
+    /// Gives the leaders of other machines what rank 0 has. Every rank calls it.
+    pub fn hand_on<T: Pod>(&self, ranks: &mut Communicator<'_>, whole: &mut Column<T>) -> Result<(), Failure> {
+        if self.hosts == 1 {
+            return Ok(());
+        }
+        let values = BATCH / size_of::<T>();
         let count = ranks.broadcast(0, COMMAND, (whole.len() as u64).to_le_bytes().to_vec())?;
         let count = count.first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes)) as usize;
         for start in (0..count).step_by(values) {
             let part = whole.get(start..count.min(start + values)).unwrap_or_default();
             let part = ranks.broadcast(0, COMMAND, bytemuck::cast_slice(part).to_vec())?;
             if self.leads() && self.rank > 0 {
-                let bits = part.as_chunks().0.iter().map(|bits| u16::from_ne_bytes(*bits));
-                whole.extend(bits).context("scratch memory")?;
+                whole.extend_from_slice(&bytemuck::pod_collect_to_vec(&part)).context("scratch memory")?;
             }
             // Nobody runs ahead.
             ranks.all_reduce(COMMAND, [0], |a, _| a).map_err(|failure: transport::Failure| failure)?;

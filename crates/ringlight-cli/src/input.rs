@@ -9,7 +9,7 @@ use ringlight::mesh::{Mesh, MeshOptions, Quality};
 use ringlight::quantity::Rgb;
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, Image, Place, ReadOptions, Scene, SceneError};
-use ringlight::solution::{self, Description, Solution};
+use ringlight::solution::Description;
 use std::path::{Path, PathBuf};
 
 /// Reads a scene, of which what has to be kept goes to `store`; gives also the files that it refers to.
@@ -83,28 +83,23 @@ pub fn bytes(path: &Path) -> anyhow::Result<Bytes> {
     files::open(path).with_context(|| format!("{}: cannot be read", path.display()))
 }
 
-/// Reads a solution and attaches the images that it shows.
-pub fn solution(path: &Path, scene_path: Option<&Path>) -> Result<Solution, Failure> {
-    let mut solution = solution::read(&bytes(path)?, Store::Heap).with_context(|| path.display().to_string())?;
-    solution.images = images(path, scene_path, &solution.description)?;
-    Ok(solution)
-}
-
-/// The images that a solution shows: from `scene_path` if given, else from files beside the solution.
+/// The images that a solution shows: from `scene_path` if given, else from files beside the solution. What has to be kept
+/// on the way goes to `store`.
 pub fn images(
     path: &Path,
     scene_path: Option<&Path>,
     description: &Description,
+    store: Store<'_>,
 ) -> Result<Vec<Option<Bytes>>, Failure> {
     let images = match scene_path {
-        Some(scene_path) => scene(scene_path, None, Store::Heap)?.0.images,
-        None => images_beside(path, description),
+        Some(scene_path) => scene(scene_path, None, store)?.0.images,
+        None => images_beside(path, description, store),
     };
     Ok(description.find_images(&images))
 }
 
-fn images_beside(path: &Path, description: &Description) -> Vec<Image> {
-    let Ok(resources) = FileResources::beside(path, Store::Heap) else { return Vec::new() };
+fn images_beside(path: &Path, description: &Description, store: Store<'_>) -> Vec<Image> {
+    let Ok(resources) = FileResources::beside(path, store) else { return Vec::new() };
     let wanted = description.images.iter();
     wanted
         .filter_map(|image| {

@@ -158,6 +158,15 @@ pub fn ranks_with_the_same(ranks: &mut Communicator<'_>, words: &str) -> Result<
     Ok(all.iter().filter(|other| other.as_slice() == words.as_bytes()).count())
 }
 
+/// Work for the first rank alone, such as looks at files that it will write; the others wait until it is done.
+pub fn on_first_rank(ranks: &mut Communicator<'_>, work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
+    if ranks.rank() == 0 {
+        work()?;
+    }
+    ranks.broadcast(0, COMMAND, Vec::new())?;
+    Ok(())
+}
+
 /// What the first panic of this process said.
 static PANIC: Mutex<Option<String>> = Mutex::new(None);
 

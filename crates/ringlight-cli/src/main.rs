@@ -6,6 +6,7 @@ mod estimate;
 mod export;
 mod failure;
 mod files;
+mod finish;
 mod host;
 mod input;
 mod inspect;
@@ -15,6 +16,7 @@ mod map;
 mod outputs;
 mod probe;
 mod progress;
+mod reading;
 mod resume;
 mod run;
 mod scratch;
@@ -51,11 +53,10 @@ fn place(verb: &Verb) -> Result<(Launch, Option<usize>), Failure> {
     let (name, threads) = match verb {
         Verb::Bake(bake) => return Ok((Launch::spread(bake.spread.ranks)?, bake.running.threads)),
         Verb::Resume(resume) => return Ok((Launch::spread(resume.spread.ranks)?, resume.running.threads)),
-        Verb::Export(export) => ("export", export.threads),
-        Verb::Render(export) => ("render", export.threads),
-        Verb::Probe(probe) => ("probe", probe.threads),
-        Verb::Inspect(inspect) => ("inspect", inspect.threads),
+        Verb::Export(verb) | Verb::Render(verb) => return Ok((Launch::spread(verb.spread.ranks)?, verb.threads)),
+        Verb::Probe(probe) => return Ok((Launch::spread(probe.spread.ranks)?, probe.threads)),
         Verb::ViewFactors(factors) => ("viewfactors", factors.threads),
+        Verb::Inspect(inspect) => ("inspect", inspect.threads),
         Verb::Completions { .. } => ("completions", Some(1)),
     };
     Ok((Launch::alone(name)?, threads))
@@ -65,9 +66,9 @@ fn act(verb: &Verb, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
     match verb {
         Verb::Bake(bake) => bake::bake(bake, ranks),
         Verb::Resume(resume) => resume::resume(resume, ranks),
-        Verb::Export(export) => export::export(export),
-        Verb::Render(export) => export::render(export),
-        Verb::Probe(probe) => probe::probe(probe),
+        Verb::Export(export) => export::export(export, ranks),
+        Verb::Render(export) => export::render(export, ranks),
+        Verb::Probe(probe) => probe::probe(probe, ranks),
         Verb::Inspect(inspect) => inspect::inspect(inspect),
         Verb::ViewFactors(factors) => viewfactors::viewfactors(factors),
         Verb::Completions { shell } => {

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::files::{self, NewFile};
 use crate::values::{ExposureChoice, PictureSize};
 use anyhow::Context;
-use ringlight::mesh::{self, Mesh};
+use ringlight::mesh::Mesh;
 use ringlight::output::report::Units;
 use ringlight::output::{Exposure, FalseColour, LitOptions, Picture, PictureOptions, Tone, Unit, View};
 use ringlight::output::{
@@ -14,11 +14,10 @@ use ringlight::output::{
 use ringlight::resources::Bytes;
 use ringlight::scene::{Camera, Place, Warnings};
 use ringlight::solution::{self, Description, Solution};
-use ringlight_visibility::Hierarchy;
-use std::cell::OnceCell;
+use ringlight::solve::Ring;
+use ringlight::transport::{Communicator, Failure as RankFailure};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Kinds of output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,7 +56,7 @@ impl Kind {
         })
     }
 
-    /// Whether it is a picture.
+    /// Whether it is a picture, which all ranks draw together.
     pub fn is_picture(self) -> bool {
         matches!(self, Kind::Png | Kind::Exr)
     }
@@ -209,19 +208,9 @@ pub struct Content<'a> {
     pub solution: &'a Solution,
     /// How.
     pub display: &'a DisplayArguments,
-    hierarchy: OnceCell<Arc<Hierarchy>>,
 }
 
 impl<'a> Content<'a> {
-    /// Content whose hierarchy is built when it is needed, unless it is at hand.
-    pub fn new(
-        solution: &'a Solution,
-        display: &'a DisplayArguments,
-        hierarchy: Option<Arc<Hierarchy>>,
-    ) -> Content<'a> {
-        Content { solution, display, hierarchy: hierarchy.map_or_else(OnceCell::new, OnceCell::from) }
-    }
-
     fn lit_options(&self) -> LitOptions {
         let exposure = match self.display.exposure {
             ExposureChoice::Auto => Exposure::automatic(self.solution),
@@ -230,10 +219,19 @@ impl<'a> Content<'a> {
         LitOptions { exposure, ambient: self.display.ambient }
     }
 
-    fn picture(&self) -> anyhow::Result<Picture> {
-        let (solution, display, hierarchy) = (self.solution, self.display, self.hierarchy());
+    /// The picture, on the first rank. Every rank calls it; either all or none of them find that there is no such camera.
+    pub fn picture(
+        &self,
+        ring: &mut Ring<'a>,
+        ranks: &mut Communicator<'_>,
+    ) -> Result<anyhow::Result<Option<Picture>>, RankFailure> {
+        let (solution, display) = (self.solution, self.display);
         let PictureSize { width, height } = display.size;
-        let view = View::choose(display.camera.as_deref(), solution, hierarchy, f64::from(width) / f64::from(height))?;
+        let view = match View::choose(display.camera.as_deref(), solution) {
+            Ok(Some(view)) => view,
+            Ok(None) => View::automatic(solution, f64::from(width) / f64::from(height), ring, ranks)?,
+            Err(error) => return Ok(Err(error.into())),
+        };
         let radiometric = Units::of(&solution.description) == Units::RADIOMETRIC;
         let unit = if radiometric { Unit::WattsPerSquareMetre } else { Unit::Lux };
         let options = PictureOptions {
@@ -249,17 +247,12 @@ impl<'a> Content<'a> {
             ambient: if display.ambient { ambient(solution) } else { [0.0; 3] },
             ..PictureOptions::new(view, width, height)
         };
-        Ok(render(solution, hierarchy, &options))
-    }
-
-    /// Finds what cameras see.
-    fn hierarchy(&self) -> &Hierarchy {
-        self.hierarchy.get_or_init(|| Arc::new(mesh::hierarchy(&self.solution.mesh)))
+        Ok(Ok(render(solution, &options, ring, ranks)?))
     }
 }
 
-/// Writes one output.
-pub fn write(output: &Output, content: &Content<'_>) -> anyhow::Result<Written> {
+/// Writes one output; `picture` is there if it is one.
+pub fn write(output: &Output, content: &Content<'_>, picture: Option<&Picture>) -> anyhow::Result<Written> {
     let (path, solution) = (output.path.as_path(), content.solution);
     let mut written = Written::default();
     match output.kind {
@@ -276,14 +269,8 @@ pub fn write(output: &Output, content: &Content<'_>) -> anyhow::Result<Written> 
         }
         Kind::Table => files::write(path, |out| write_table(solution, out))?,
         Kind::Grid => files::write(path, |out| write_vtu(solution, out))?,
-        Kind::Png => {
-            let picture = content.picture()?;
-            files::write(path, |out| write_png(&picture, out))?;
-        }
-        Kind::Exr => {
-            let picture = content.picture()?;
-            files::write(path, |out| write_exr(&picture, out))?;
-        }
+        Kind::Png => files::write(path, |out| picture.map_or(Ok(()), |picture| write_png(picture, out)))?,
+        Kind::Exr => files::write(path, |out| picture.map_or(Ok(()), |picture| write_exr(picture, out)))?,
     }
     Ok(written)
 }

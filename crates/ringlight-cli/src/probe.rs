@@ -2,21 +2,24 @@
 
 use crate::arguments::{HowChoice, Probe, Targets};
 use crate::failure::{End, Failure};
+use crate::host::Host;
 use crate::outputs::{self, Kind, Others};
-use crate::{files, input};
+use crate::{files, launch, reading, spread};
 use anyhow::Context;
-use ringlight::mesh;
 use ringlight::output::report::Units;
 use ringlight::output::{FalseColour, Unit, grid_picture, write_png};
 use ringlight::probe::{self, GatherOptions, Grid, Point, Reading, Statistics, Status, SurfaceOptions};
+use ringlight::transport::Communicator;
 use std::path::Path;
 
 /// Reads points or makes a grid, finds their light, writes and tells it.
-pub fn probe(arguments: &Probe) -> Result<End, Failure> {
-    check(arguments)?;
+pub fn probe(arguments: &Probe, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
+    spread::check(&arguments.spread, ranks.size())?;
+    launch::on_first_rank(ranks, || check(arguments))?;
     // A bad table is refused before the solution is read.
     let listed = arguments.points.as_deref().map(read_points).transpose()?;
-    let solution = input::solution(&arguments.solution, None)?;
+    let host = Host::find(ranks, None, arguments.spread.memory_per_rank.is_some())?;
+    let solution = reading::solution(ranks, &host, &arguments.solution, None)?;
     let grid = match &arguments.grid {
         Some(request) => Some(request.points(&solution, arguments.height).map_err(Failure::Usage)?),
         None => None,
@@ -25,7 +28,7 @@ pub fn probe(arguments: &Probe) -> Result<End, Failure> {
         Some(grid) => grid.points.iter().flatten().copied().collect(),
         None => listed.unwrap_or_default(),
     };
-    let hierarchy = mesh::hierarchy(&solution.mesh);
+    let mut ring = reading::ring(ranks, &arguments.spread, &solution.mesh)?;
     let readings = match arguments.how {
         HowChoice::Gather => {
             let usual = GatherOptions::default();
@@ -33,12 +36,14 @@ pub fn probe(arguments: &Probe) -> Result<End, Failure> {
                 cells: arguments.cells.unwrap_or(usual.cells),
                 tolerance: arguments.tolerance.unwrap_or(usual.tolerance),
             };
-            probe::gather(&solution, &hierarchy, &points, &options)
+            probe::gather(&solution, &points, &options, &mut ring, ranks)?
         }
         HowChoice::Surface => {
-            probe::surface(&solution, &hierarchy, &points, &SurfaceOptions { reach: arguments.reach })
+            probe::surface(&solution, &points, &SurfaceOptions { reach: arguments.reach }, &mut ring, ranks)?
         }
     };
+    // The first rank writes and speaks.
+    let Some(readings) = readings else { return Ok(End::Done) };
     let unit = match Units::of(&solution.description) {
         Units::RADIOMETRIC => Unit::WattsPerSquareMetre,
         _ => Unit::Lux,

@@ -5,6 +5,7 @@ use crate::bake;
 use crate::failure::{End, Failure};
 use crate::host::Host;
 use crate::input;
+use crate::launch;
 use crate::outputs::{self, Others};
 use crate::progress::Stage;
 use crate::run::{self, Baked, Made, Run};
@@ -19,7 +20,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let mut run = Run::begin(&arguments.running, &arguments.spread, ranks)?;
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     let others = Others { scene, resumed: Some(path), ..run.others() };
-    run.on_first_rank(|| outputs::check(&arguments.targets, &others))?;
+    launch::on_first_rank(run.ranks, || outputs::check(&arguments.targets, &others))?;
     let frugal = arguments.spread.memory_per_rank.is_some();
     let host = Host::find(run.ranks, None, frugal)?;
     let located = || path.display().to_string();
@@ -50,7 +51,7 @@ fn make(run: &mut Run<'_, '_>, arguments: &Resume, file: &SolutionFile<'_>, stor
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     let mesh = run.stage(Stage::Load, |_| file.mesh(store)).with_context(|| path.display().to_string())?;
     let description = file.description().clone();
-    let images = input::images(path, scene, &description)?;
+    let images = input::images(path, scene, &description, store)?;
     outputs::check_camera(&arguments.display, &description.cameras)?;
     outputs::check_sizes(&arguments.targets, &mesh)?;
     // These were said when the scene was read.

@@ -65,7 +65,7 @@ impl Grid {
 }
 
 /// Where the cells lie.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Cells {
     /// On a planar patch.
     Grid(Grid),
@@ -96,7 +96,7 @@ impl Cells {
 }
 
 /// A shooter: its cells and what never blocks them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Shooter {
     /// The cells.
     pub cells: Cells,

@@ -4,7 +4,7 @@
 //! its element takes its light from its free samples, so that contacts leave no black rims.
 
 use super::look::{LookAbout, View};
-use super::{ALL_VALID, Frame, Mesh, Patch, Tile, walk};
+use super::{ALL_VALID, Frame, Inquiry, Mesh, Patch, Tile, walk};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, Layout};
@@ -104,10 +104,10 @@ pub fn valid_samples(mesh: &Mesh, patch: &Patch, views: &[View]) -> impl Iterato
 
 /// Whether a point of a patch is covered, or lies in a crack, while `other`, of the same element, is not or does not: then
 /// the light found there says nothing about the point, which by itself would take none.
-pub fn is_hidden_beside(mesh: &Mesh, hierarchy: &Hierarchy, patch: &Patch, point: DVec3, other: DVec3) -> bool {
-    let view = |p: DVec3| walk::run(mesh, hierarchy, LookAbout::new(mesh, patch, p)).view();
-    match view(point) {
+pub async fn is_hidden_beside(mesh: &Mesh, inquiry: &Inquiry<'_>, patch: &Patch, point: DVec3, other: DVec3) -> bool {
+    let view = async |p: DVec3| inquiry.follow([LookAbout::new(mesh, patch, p)]).await[0].view();
+    match view(point).await {
         View::Open => false,
-        hidden => hidden == View::Covered || hidden < view(other),
+        hidden => hidden == View::Covered || hidden < view(other).await,
     }
 }

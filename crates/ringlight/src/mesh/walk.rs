@@ -4,6 +4,7 @@
 //! run to its end at once; over a ring many are under way together.
 
 use super::{Mesh, look};
+use glam::DVec3;
 use ringlight_visibility::{Hierarchy, Hit, Ray, Triangle};
 
 /// A question: what a ray hits first, of the triangles that a rule admits.
@@ -24,6 +25,8 @@ pub enum Rule {
     Overlaying(u32),
     /// Those in the plane of this patch that face it.
     Facing(u32),
+    /// Those of which the ray meets a lit side: unlit backs of single-sided surfaces are not seen.
+    Lit,
 }
 
 /// Rays of which each depends on the hits before.
@@ -32,6 +35,16 @@ pub trait Walk {
     fn query(&self) -> Option<Query>;
     /// Takes the nearest hit, if there is one, of what it asks now.
     fn answer(&mut self, hit: Option<Hit>);
+}
+
+impl<W: Walk> Walk for &mut W {
+    fn query(&self) -> Option<Query> {
+        W::query(self)
+    }
+
+    fn answer(&mut self, hit: Option<Hit>) {
+        W::answer(self, hit);
+    }
 }
 
 /// The nearest hit among the triangles held here. Whoever knows the mesh can tell what a rule admits.
@@ -46,6 +59,13 @@ pub fn nearest_hit(mesh: &Mesh, hierarchy: &Hierarchy, Query { ray, rule }: &Que
         Rule::All => hierarchy.nearest_hit(ray),
         Rule::Overlaying(patch) => in_plane_of(patch, look::overlays),
         Rule::Facing(patch) => in_plane_of(patch, look::faces),
+        Rule::Lit => {
+            let direction = DVec3::from(ray.direction.map(f64::from));
+            hierarchy.nearest_hit_where(ray, |triangle| {
+                let [a, b, c] = triangle.corners.map(|corner| DVec3::from(corner.map(f64::from)));
+                mesh.facets[(triangle.id >> 1) as usize].double_sided() || (b - a).cross(c - a).dot(direction) < 0.0
+            })
+        }
     }
 }
 
@@ -64,6 +84,7 @@ impl Rule {
             Rule::All => [0, 0],
             Rule::Overlaying(patch) => [1, patch],
             Rule::Facing(patch) => [2, patch],
+            Rule::Lit => [3, 0],
         }
     }
 
@@ -72,7 +93,8 @@ impl Rule {
         match kind {
             0 => Rule::All,
             1 => Rule::Overlaying(patch),
-            _ => Rule::Facing(patch),
+            2 => Rule::Facing(patch),
+            _ => Rule::Lit,
         }
     }
 }

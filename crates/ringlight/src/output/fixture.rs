@@ -6,8 +6,8 @@ use crate::resources::{Bytes, Resources};
 use crate::scene::{self, ReadOptions, Scene};
 use crate::shooting::Shoot;
 use crate::solution::{Description, Solution, SolvedLight};
-use crate::solve::{self, Energy, Ledger, Ring, SolveSettings, State, StopRule, World};
-use crate::transport::Communicator;
+use crate::solve::{self, Energy, Ledger, Ring, SolveSettings, Spread, State, StopRule, World};
+use crate::transport::{Communicator, Failure, threads};
 use std::io;
 use std::sync::Arc;
 
@@ -49,6 +49,22 @@ pub fn solve(scene: Scene, element: f64, until: f64) -> Solution {
     let light = SolvedLight::of(state.clusters, Store::Heap).unwrap();
     let energy = Energy::default();
     Solution { description: Description::new(scene), mesh, settings, ledger, light, energy, images }
+}
+
+/// The one rank of a world, which holds all geometry of a solution.
+pub fn alone(solution: &Solution) -> (Ring<'_>, Communicator<'static>) {
+    (Ring::alone(&solution.mesh, Arc::new(mesh::hierarchy(&solution.mesh))), Communicator::alone())
+}
+
+/// What rank 0 has of what all of a world's ranks do, of every rank's place in its ring.
+pub fn over_ranks<'a, T: Send>(
+    solution: &'a Solution,
+    spread: &Spread,
+    read: impl Fn(&mut Ring<'a>, &mut Communicator<'_>) -> Result<T, Failure> + Sync,
+) -> T {
+    let all =
+        threads::run(spread.rings.ranks(), |ranks| read(&mut Ring::new(&solution.mesh, spread, ranks.rank()), ranks));
+    all.unwrap().remove(0)
 }
 
 /// Sets the irradiance of every element from the position of its middle (world, metres) and its normal.

@@ -1,9 +1,7 @@
 //! Small solved scenes for the tests of pictures and tables.
 
-use super::fixture;
-use crate::mesh;
+use super::{Picture, PictureOptions, View, fixture, render};
 use crate::solution::Solution;
-use ringlight_visibility::Hierarchy;
 
 /// A floor of 4.2 m × 4 m, a lamp of 1 m × 1 m two metres above it, and a standing triangle.
 pub const LAMP_OVER_FLOOR: &str = "\
@@ -19,8 +17,18 @@ pub const ROOM: &str = "\
     usemtl white\no west\nf 4 1 5 8\nusemtl grey\no east\nf 2 3 7 6\nusemtl lamp\no lamp\nf 9 10 11 12\n";
 
 /// Reads, cuts into elements of `element_size` metres, and solves.
-pub fn solved(obj: &str, element_size: f64) -> (Solution, Hierarchy) {
-    let solution = fixture::solve(fixture::read(obj), element_size, 0.01);
-    let hierarchy = mesh::hierarchy(&solution.mesh);
-    (solution, hierarchy)
+pub fn solved(obj: &str, element_size: f64) -> Solution {
+    fixture::solve(fixture::read(obj), element_size, 0.01)
+}
+
+/// The picture of a rank that is alone.
+pub fn draw(solution: &Solution, options: &PictureOptions) -> Picture {
+    let (mut ring, mut ranks) = fixture::alone(solution);
+    render(solution, options, &mut ring, &mut ranks).unwrap().unwrap()
+}
+
+/// The automatic view of a rank that is alone.
+pub fn automatic(solution: &Solution, aspect: f64) -> View {
+    let (mut ring, mut ranks) = fixture::alone(solution);
+    View::automatic(solution, aspect, &mut ring, &mut ranks).unwrap()
 }

@@ -1,8 +1,9 @@
 //! What a ray of sight meets.
 
 use crate::mesh::Mesh;
+use crate::mesh::walk::{Query, Rule};
 use glam::{DVec2, DVec3};
-use ringlight_visibility::{Hierarchy, Ray};
+use ringlight_visibility::{Hit, Ray};
 
 /// A lit side of a surface, met by a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,15 +24,15 @@ pub struct Seen {
     pub weights: [f32; 3],
 }
 
-/// The first lit side along a ray. Unlit backs of single-sided surfaces are not seen, as in viewers of glTF.
-pub fn look(mesh: &Mesh, hierarchy: &Hierarchy, ray: &Ray) -> Option<Seen> {
-    let [origin, direction] = [ray.origin, ray.direction].map(vector);
-    let facet_of = |triangle: u32| &mesh.facets[(triangle >> 1) as usize];
-    let hit = hierarchy.nearest_hit_where(ray, |triangle| {
-        let [a, b, c] = triangle.corners.map(vector);
-        facet_of(triangle.id).double_sided() || (b - a).cross(c - a).dot(direction) < 0.0
-    })?;
-    let facet = facet_of(hit.triangle);
+/// Asks for the first lit side along a ray. Unlit backs of single-sided surfaces are not seen, as in viewers of glTF.
+pub fn sight(ray: Ray) -> Query {
+    Query { ray, rule: Rule::Lit }
+}
+
+/// The place at which a ray of sight hits a facet.
+pub fn seen(mesh: &Mesh, ray: &Ray, hit: Hit) -> Seen {
+    let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
+    let facet = &mesh.facets[(hit.triangle >> 1) as usize];
     let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
     let (k, within) = facet.find_element(at.clamp(DVec2::ZERO, DVec2::ONE));
     let (first_patch, first_element) = if facet.double_sided() && !hit.front {
@@ -40,7 +41,7 @@ pub fn look(mesh: &Mesh, hierarchy: &Hierarchy, ray: &Ray) -> Option<Seen> {
         (facet.first_patch, facet.first_element)
     };
     let [b, c] = hit.barycentric;
-    Some(Seen {
+    Seen {
         distance: hit.distance,
         facet: hit.triangle >> 1,
         patch: first_patch + k / facet.elements_per_patch(),
@@ -48,11 +49,7 @@ pub fn look(mesh: &Mesh, hierarchy: &Hierarchy, ray: &Ray) -> Option<Seen> {
         within: within.clamp(DVec2::ZERO, DVec2::ONE),
         corners: if hit.triangle & 1 == 0 { [0, 1, 2] } else { [0, 2, 3] },
         weights: [1.0 - b - c, b, c],
-    })
-}
-
-fn vector(v: [f32; 3]) -> DVec3 {
-    v.map(f64::from).into()
+    }
 }
 
 impl Seen {

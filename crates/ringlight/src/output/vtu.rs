@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn a_reader_finds_every_array_at_its_offset() {
-        let (solution, _) = scenes::solved(scenes::LAMP_OVER_FLOOR, 0.5);
+        let solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 0.5);
         let mut file = Vec::new();
         write_vtu(&solution, &mut file).unwrap();
         let cells = solution.mesh.element_count();
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn cells_turn_counter_clockwise_about_the_lit_side() {
-        let (solution, _) = scenes::solved(scenes::LAMP_OVER_FLOOR, 0.5);
+        let solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 0.5);
         for id in 0..solution.mesh.patch_count() as u32 {
             let patch = solution.mesh.patch(id);
             let ([a, b, c, _], _) = corners(&patch, 0);

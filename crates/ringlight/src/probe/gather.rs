@@ -5,17 +5,20 @@
 //! patches are seen as the interpolated light of their elements, lamps behind edges through thousands of cells, and far
 //! dim ones through one. What a point gets does not depend on the other points.
 
+use super::dealt_out::dealt_out;
 use super::nearest::closest_point;
 use super::place::{Place, Surroundings};
 use super::sides::Sides;
 use super::{Point, Reading, Status};
 use crate::form_factor::contour;
-use crate::mesh::{Mesh, Patch, Tile};
+use crate::mesh::{Inquiry, Mesh, Patch, Tile};
 use crate::shooting::{self, Emitter, FAR, Field, Packet, PatchSource, Shoot, Shot, Source, WHOLE, radiosity};
 use crate::solution::Solution;
+use crate::solve::Ring;
+use crate::transport::{Communicator, Failure};
 use glam::DVec3;
 use rayon::prelude::*;
-use ringlight_visibility::{Cells, Hierarchy, Points, Shooter};
+use ringlight_visibility::{Cells, Points, Shooter};
 
 /// How finely light is gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,30 +48,39 @@ const DEEPEST: u32 = 6;
 /// elements), from punctual lights and from the sky, obstructed by what stands between.
 ///
 /// Radiosity that the solver has not shot yet counts in full; an ambient term for light that has not even arrived does not.
-pub fn gather(solution: &Solution, hierarchy: &Hierarchy, points: &[Point], options: &GatherOptions) -> Vec<Reading> {
-    let around = Surroundings::new(solution, hierarchy);
-    let origin = DVec3::from(solution.mesh.origin);
-    let places: Vec<Option<Place>> = points
-        .par_iter()
-        .map(|p| around.stand(DVec3::from(p.position) - origin, DVec3::from(p.normal).normalize()))
-        .collect();
-    let open: Vec<Place> = places.iter().flatten().copied().collect();
-    let gatherer = Gatherer::new(solution, hierarchy, options);
-    let parts: Vec<Vec<[f64; 3]>> = open.par_chunks(CHUNK).map(|chunk| gatherer.irradiances(chunk)).collect();
-    let mut found = parts.into_iter().flatten();
-    let reading = |place: &Option<Place>| match place.and_then(|_| found.next()) {
-        Some(irradiance) => Reading { irradiance: irradiance.map(|e| e as f32), status: Status::Ok },
-        None => Reading::without_light(Status::Inside),
+///
+/// Every rank calls it with the same points; the readings are on rank 0.
+pub fn gather<'a, 'p>(
+    solution: &'a Solution,
+    points: &'p [Point],
+    options: &GatherOptions,
+    ring: &mut Ring<'a>,
+    ranks: &mut Communicator<'_>,
+) -> Result<Option<Vec<Reading>>, Failure> {
+    let around = Surroundings::new(solution);
+    let gatherer = Gatherer::new(solution, options);
+    let (around, gatherer, origin) = (&around, &gatherer, DVec3::from(solution.mesh.origin));
+    let task = |points: &'p [Point], inquiry: Inquiry<'a>| async move {
+        let mut places: Vec<Option<Place>> = Vec::with_capacity(points.len());
+        for point in points {
+            let (position, normal) = (DVec3::from(point.position) - origin, DVec3::from(point.normal).normalize());
+            places.push(around.stand(&inquiry, position, normal).await);
+        }
+        let open: Vec<Place> = places.iter().flatten().copied().collect();
+        let mut found = gatherer.irradiances(&open, inquiry).await.into_iter();
+        let reading = |place: &Option<Place>| match place.and_then(|_| found.next()) {
+            Some(irradiance) => Reading { irradiance: irradiance.map(|e| e as f32), status: Status::Ok },
+            None => Reading::without_light(Status::Inside),
+        };
+        places.iter().map(reading).collect()
     };
-    places.iter().map(reading).collect()
+    dealt_out(points, CHUNK, task, ring, ranks)
 }
 
 /// The solution as a set of shooters.
 struct Gatherer<'a> {
+    solution: &'a Solution,
     mesh: &'a Mesh,
-    hierarchy: &'a Hierarchy,
-    /// Of the free part of each element.
-    radiosity: Vec<[f64; 3]>,
     /// Patches that are not dark.
     shining: Vec<Shining>,
     emitters: Vec<Emitter>,
@@ -80,7 +92,8 @@ struct Gatherer<'a> {
 /// A patch that is not dark.
 struct Shining {
     patch: u32,
-    extent: Extent,
+    /// The brightest radiosity on it, summed over channels.
+    brightest: f64,
 }
 
 /// What bounds the light that a shooter can give.
@@ -98,6 +111,7 @@ struct Extent {
 
 /// Points on their way through all shooters.
 struct Chunk<'a> {
+    inquiry: Inquiry<'a>,
     places: &'a [Place],
     /// Irradiance so far.
     sum: Vec<[f64; 3]>,
@@ -107,23 +121,16 @@ struct Chunk<'a> {
 }
 
 impl<'a> Gatherer<'a> {
-    fn new(solution: &'a Solution, hierarchy: &'a Hierarchy, options: &GatherOptions) -> Gatherer<'a> {
+    fn new(solution: &'a Solution, options: &GatherOptions) -> Gatherer<'a> {
         let mesh = &solution.mesh;
-        let of_cluster = |c: usize| {
-            mesh.clusters[c].patches.clone().flat_map(move |id| {
-                let patch = mesh.patch(id);
-                patch.elements().map(move |e| radiosity(mesh, &patch, e, solution.light(e)))
-            })
-        };
-        let radiosity: Vec<[f64; 3]> = (0..mesh.clusters.len()).into_par_iter().flat_map_iter(of_cluster).collect();
         let shining = (0..mesh.patch_count() as u32)
             .into_par_iter()
             .filter_map(|id| {
                 let patch = mesh.patch(id);
-                let bright = |e: u32| if mesh.valid[e as usize] == 0 { 0.0 } else { total(radiosity[e as usize]) };
-                let brightest = patch.elements().map(bright).fold(0.0, f64::max);
-                let extent = Extent::new(patch.frame.corners(), patch.normal, patch.area, brightest);
-                (brightest > 0.0).then_some(Shining { patch: id, extent })
+                let lit = patch.elements().filter(|&e| mesh.valid[e as usize] != 0);
+                let bright = |e: u32| total(radiosity(mesh, &patch, e, solution.light(e)));
+                let brightest = lit.map(bright).fold(0.0, f64::max);
+                (brightest > 0.0).then_some(Shining { patch: id, brightest })
             })
             .collect();
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
@@ -134,63 +141,65 @@ impl<'a> Gatherer<'a> {
         if let Some(radiance) = solution.settings.sky {
             emitters.extend(shooting::skies(radiance, side, radius));
         }
-        Gatherer { mesh, hierarchy, radiosity, shining, emitters, side, tolerance: options.tolerance }
+        Gatherer { solution, mesh, shining, emitters, side, tolerance: options.tolerance }
     }
 
-    fn irradiances(&self, places: &[Place]) -> Vec<[f64; 3]> {
-        let count = places.len();
-        let mut chunk =
-            Chunk { places, sum: vec![[0.0; 3]; count], rough: vec![0.0; count], packet: Packet::default() };
-        let all: Vec<u32> = (0..count as u32).collect();
+    async fn irradiances(&self, places: &[Place], inquiry: Inquiry<'_>) -> Vec<[f64; 3]> {
+        let (sum, rough) = (vec![[0.0; 3]; places.len()], vec![0.0; places.len()]);
+        let mut chunk = Chunk { inquiry, places, sum, rough, packet: Packet::default() };
+        let all: Vec<u32> = (0..places.len() as u32).collect();
         for emitter in &self.emitters {
-            let lit = chunk.receive(emitter, &all, self.hierarchy);
+            let lit = chunk.receive(emitter, &all).await;
             chunk.add(&lit, &[]);
         }
-        self.estimate(&mut chunk, &all);
+        self.estimate(&mut chunk, &all).await;
         for shining in &self.shining {
-            self.add_patch(&mut chunk, shining);
+            self.add_patch(&mut chunk, shining).await;
         }
         chunk.sum
     }
 
     /// A rough irradiance, each patch seen through one cell.
-    fn estimate(&self, chunk: &mut Chunk<'_>, all: &[u32]) {
+    async fn estimate(&self, chunk: &mut Chunk<'_>, all: &[u32]) {
         chunk.rough = chunk.sum.iter().map(|&e| total(e)).collect();
         for shining in &self.shining {
             let patch = self.mesh.patch(shining.patch);
-            let shot = self.field(&patch).shot(1, Shoot::Average, 0.0);
-            for (place, i) in chunk.receive(&shot, all, self.hierarchy).into_iter().zip(0..) {
+            let radiosity = self.radiosity(&patch);
+            let shot = Field::new(self.mesh, &patch, &radiosity).shot(1, Shoot::Average, 0.0);
+            for (place, i) in chunk.receive(&shot, all).await.into_iter().zip(0..) {
                 chunk.rough[place as usize] += total(chunk.packet.received()[i].point);
             }
         }
     }
 
-    fn field<'p>(&'p self, patch: &'p Patch) -> Field<'p> {
-        let elements = patch.elements();
-        Field::new(self.mesh, patch, &self.radiosity[elements.start as usize..elements.end as usize])
+    /// Of the free part of each element of a patch.
+    fn radiosity(&self, patch: &Patch) -> Vec<[f64; 3]> {
+        patch.elements().map(|e| radiosity(self.mesh, patch, e, self.solution.light(e))).collect()
     }
 
     /// Adds what a patch gives to the points, each with the cells that its share of their light deserves.
-    fn add_patch(&self, chunk: &mut Chunk<'_>, shining: &Shining) {
+    async fn add_patch(&self, chunk: &mut Chunk<'_>, shining: &Shining) {
+        let patch = self.mesh.patch(shining.patch);
+        let extent = Extent::new(patch.frame.corners(), patch.normal, patch.area, shining.brightest);
         let mut by_side: [Vec<u32>; 4] = Default::default();
         for (i, place) in chunk.places.iter().enumerate() {
-            let share = chunk.share(i, shining.extent.most(place));
+            let share = chunk.share(i, extent.most(place));
             if share > 0.0 {
-                by_side[self.side_for(share, shining.extent.straddles(place)).ilog2() as usize].push(i as u32);
+                by_side[self.side_for(share, extent.straddles(place)).ilog2() as usize].push(i as u32);
             }
         }
         if by_side.iter().all(|points| points.is_empty()) {
             return;
         }
-        let patch = self.mesh.patch(shining.patch);
-        let field = self.field(&patch);
+        let radiosity = self.radiosity(&patch);
+        let field = Field::new(self.mesh, &patch, &radiosity);
         for (k, points) in by_side.iter().enumerate().filter(|(_, points)| !points.is_empty()) {
             let side = 1 << k;
             if side == self.side {
-                let sides = self.suspect(chunk, &patch, points);
-                self.add_part(chunk, &field, field.scale(), WHOLE, (points, &sides), 0);
+                let sides = self.suspect(chunk, &patch, points).await;
+                self.add_part(chunk, &field, field.scale(), WHOLE, (points, &sides), 0).await;
             } else {
-                let lit = chunk.receive(&field.shot(side, Shoot::Elements, 0.0), points, self.hierarchy);
+                let lit = chunk.receive(&field.shot(side, Shoot::Elements, 0.0), points).await;
                 chunk.add(&lit, &[]);
             }
         }
@@ -204,7 +213,7 @@ impl<'a> Gatherer<'a> {
 
     /// All sides for those of `points` that see a part of the border of a patch only: an edge of shadow may run between it
     /// and the outermost cells.
-    fn suspect(&self, chunk: &Chunk<'_>, patch: &Patch, points: &[u32]) -> Vec<Sides> {
+    async fn suspect(&self, chunk: &Chunk<'_>, patch: &Patch, points: &[u32]) -> Vec<Sides> {
         let (corners, count) = patch.frame.corners();
         let border = (0..BORDER).map(|k| {
             let along = f64::from(k * count as u32) / f64::from(BORDER);
@@ -222,14 +231,15 @@ impl<'a> Gatherer<'a> {
         let [x, y, z] = [0, 1, 2].map(|axis| places().map(|p| p.point.as_vec3()[axis]).collect::<Vec<f32>>());
         let plane: Vec<u32> = places().map(|p| p.plane).collect();
         let shooter = Shooter { cells: Cells::Points(border.clone()), plane: patch.plane, far: FAR };
-        self.hierarchy.clear_blocked(&shooter, Points { x: &x, y: &y, z: &z, plane: &plane }, &mut seen);
+        let points = Points { x: &x, y: &y, z: &z, plane: &plane };
+        chunk.inquiry.clear_blocked(&shooter, points, &mut seen).await;
         let sides = seen.iter().zip(&whole).map(|(&s, &w)| if s == w || s == 0 { Sides::NONE } else { Sides::ALL });
         sides.collect()
     }
 
     /// Adds what the part of a patch over `tile` gives to `points`, which come with the sides of the part along which an edge
     /// of shadow may run; cuts it in four for those that need it.
-    fn add_part(
+    async fn add_part(
         &self,
         chunk: &mut Chunk<'_>,
         field: &Field<'_>,
@@ -246,7 +256,7 @@ impl<'a> Gatherer<'a> {
             return;
         }
         let extent = Extent::new((source.corners, source.count), source.normal, source.area, brightest);
-        let lit = chunk.receive(&shot, points, self.hierarchy);
+        let lit = chunk.receive(&shot, points).await;
         // Those for which the part is to be cut, with the cells that they see, those below the horizon counted as seen.
         let mut cut: Vec<(u32, u64, Sides)> = Vec::new();
         for (&i, &sides) in points.iter().zip(sides).filter(|_| depth < DEEPEST) {
@@ -285,7 +295,7 @@ impl<'a> Gatherer<'a> {
                     .iter()
                     .map(|&(_, seen, sides)| sides.of_quarter(quarter, grid.layout, self.side, seen))
                     .collect();
-                self.add_part(chunk, field, scale, part, (&without, &sides), depth + 1);
+                Box::pin(self.add_part(chunk, field, scale, part, (&without, &sides), depth + 1)).await;
             }
         }
     }
@@ -362,7 +372,7 @@ impl Chunk<'_> {
     }
 
     /// Computes what those of `points` (sorted) receive that have the shot above their horizon; gives these.
-    fn receive(&mut self, shot: &Shot, points: &[u32], hierarchy: &Hierarchy) -> Vec<u32> {
+    async fn receive(&mut self, shot: &Shot, points: &[u32]) -> Vec<u32> {
         self.packet.clear();
         let mut lit = Vec::with_capacity(points.len());
         for &i in points {
@@ -373,7 +383,9 @@ impl Chunk<'_> {
                 lit.push(i);
             }
         }
-        self.packet.receive(shot, hierarchy);
+        let (points, masks) = self.packet.split_mut();
+        self.inquiry.clear_blocked(&shot.shooter, points, masks).await;
+        self.packet.gather(shot);
         lit
     }
 

@@ -4,6 +4,7 @@
 //! the stored light of the nearest surface, interpolated as it is displayed. Both tell where they have no answer: points
 //! inside things ([`Status::Inside`]), points far from surfaces ([`Status::Far`]).
 
+mod dealt_out;
 mod gather;
 mod grid;
 mod nearest;

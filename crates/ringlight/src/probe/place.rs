@@ -10,13 +10,14 @@
 //!   side where it stays on its own surface and is not inside things.
 
 use super::nearest::closest_on_facet;
-use crate::mesh::{Facet, Mesh, Tile};
+use crate::mesh::walk::{Query, Rule};
+use crate::mesh::{Facet, Inquiry, Mesh, Tile};
 use crate::quantity::Rgb;
 use crate::shooting::sine_cosine;
 use crate::smooth::places::Places;
 use crate::solution::Solution;
 use glam::{DVec2, DVec3};
-use ringlight_visibility::{Hierarchy, NO_PLANE, Ray};
+use ringlight_visibility::{Hit, NO_PLANE, Ray};
 
 /// A receiving point, mesh coordinates, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +70,6 @@ const DIM: f64 = 0.01;
 /// What is around points.
 pub struct Surroundings<'a> {
     pub solution: &'a Solution,
-    pub hierarchy: &'a Hierarchy,
     pub places: Places<'a>,
     /// Points that are nearer than this to a surface lie on it, metres.
     pub touch: f64,
@@ -90,11 +90,11 @@ struct Touched {
 }
 
 impl<'a> Surroundings<'a> {
-    pub fn new(solution: &'a Solution, hierarchy: &'a Hierarchy) -> Surroundings<'a> {
+    pub fn new(solution: &'a Solution) -> Surroundings<'a> {
         let places = Places::new(&solution.mesh);
         let diagonal = solution.mesh.diagonal;
         let touch = (TOUCH * diagonal).min(MOST_TOUCH.max(PRECISION * diagonal));
-        Surroundings { solution, hierarchy, places, touch, dim: DIM * median_irradiance(solution) }
+        Surroundings { solution, places, touch, dim: DIM * median_irradiance(solution) }
     }
 
     fn mesh(&self) -> &'a Mesh {
@@ -102,7 +102,7 @@ impl<'a> Surroundings<'a> {
     }
 
     /// Where a point with a unit normal stands; None if inside things.
-    pub fn stand(&self, point: DVec3, normal: DVec3) -> Option<Place> {
+    pub async fn stand(&self, inquiry: &Inquiry<'_>, point: DVec3, normal: DVec3) -> Option<Place> {
         let mut touched = self.touched(point);
         let mut place = Place { point, normal, plane: NO_PLANE };
         let own = touched.iter().position(|t| t.normal.dot(normal).abs() > SAME).map(|k| touched.remove(k));
@@ -120,7 +120,8 @@ impl<'a> Surroundings<'a> {
             }
         }
         // Of all ways round the walls the first that stays on the point's own surface, and of these one not inside things.
-        let ways = (0..1u32 << walls.len()).map(|way| {
+        let mut best: Option<((bool, bool), Place)> = None;
+        for way in 0..1u32 << walls.len() {
             let push = walls.iter().enumerate().fold(DVec3::ZERO, |sum, (k, wall)| {
                 // First the front; or the side on which the point clearly is.
                 let first = if wall.height < -self.touch / 4.0 { -1.0 } else { 1.0 };
@@ -132,10 +133,12 @@ impl<'a> Surroundings<'a> {
                 let facet = &self.mesh().facets[own.facet as usize];
                 (closest_on_facet(facet, place.point).1 - place.point).length() > self.touch / 2.0
             });
-            (leaves, self.is_inside(&place), place)
-        });
-        let (_, inside, place) = ways.min_by_key(|&(leaves, inside, _)| (leaves, inside))?;
-        (!inside).then_some(place)
+            let worth = (leaves, self.is_inside(inquiry, &place).await);
+            if best.is_none_or(|(best, _)| worth < best) {
+                best = Some((worth, place));
+            }
+        }
+        best.filter(|((_, inside), _)| !inside).map(|(_, place)| place)
     }
 
     /// The surfaces on which a point lies, nearest first, one for each plane.
@@ -163,16 +166,22 @@ impl<'a> Surroundings<'a> {
 
     /// Whether nearly all that a place sees, weighted by cosine, are unlit backs, covered surfaces, or surfaces without
     /// light.
-    pub fn is_inside(&self, place: &Place) -> bool {
+    pub async fn is_inside(&self, inquiry: &Inquiry<'_>, place: &Place) -> bool {
         let n = place.normal;
         let (t, b) = n.any_orthonormal_pair();
         let mut open = 0;
-        for i in 0..RAYS {
-            // Malley's method on a golden spiral.
-            let share = (f64::from(i) + 0.5) / f64::from(RAYS);
-            let (s, c) = sine_cosine((f64::from(i) * 0.618_033_988_749_894_9).fract());
-            let direction = share.sqrt() * (c * t + s * b) + (1.0 - share).sqrt() * n;
-            open += u32::from(self.sees_light(place, direction));
+        // Most places are open: as many rays as may be enough are asked for together.
+        for first in (0..RAYS).step_by(ENOUGH as usize) {
+            let directions: [DVec3; ENOUGH as usize] = std::array::from_fn(|k| {
+                // Malley's method on a golden spiral.
+                let i = f64::from(first + k as u32);
+                let share = (i + 0.5) / f64::from(RAYS);
+                let (s, c) = sine_cosine((i * 0.618_033_988_749_894_9).fract());
+                share.sqrt() * (c * t + s * b) + (1.0 - share).sqrt() * n
+            });
+            let hits = inquiry.nearest_hits(&directions.map(|direction| sight(place, direction))).await;
+            let seen = directions.iter().zip(hits).filter(|(direction, hit)| self.is_lit(place, **direction, *hit));
+            open += seen.count() as u32;
             if open >= ENOUGH {
                 return false;
             }
@@ -180,15 +189,9 @@ impl<'a> Surroundings<'a> {
         true
     }
 
-    fn sees_light(&self, place: &Place, direction: DVec3) -> bool {
-        let ray = Ray {
-            origin: place.point.as_vec3().to_array(),
-            direction: direction.as_vec3().to_array(),
-            near: 0.0,
-            far: f32::INFINITY,
-            plane: place.plane,
-        };
-        let Some(hit) = self.hierarchy.nearest_hit(&ray) else { return true };
+    /// Whether what a ray from a place meets is lit, if it meets anything.
+    fn is_lit(&self, place: &Place, direction: DVec3, hit: Option<Hit>) -> bool {
+        let Some(hit) = hit else { return true };
         let number = hit.triangle >> 1;
         let facet = &self.mesh().facets[number as usize];
         if !hit.front && !facet.double_sided() {
@@ -218,6 +221,12 @@ impl<'a> Surroundings<'a> {
         let covered = self.mesh().valid[element as usize] >> sample & 1 == 0;
         Spot { element, patch: patch + k / facet.elements_per_patch(), within, covered }
     }
+}
+
+/// What a place sees in a direction.
+fn sight(place: &Place, direction: DVec3) -> Query {
+    let (origin, direction) = (place.point.as_vec3().to_array(), direction.as_vec3().to_array());
+    Query { ray: Ray { origin, direction, near: 0.0, far: f32::INFINITY, plane: place.plane }, rule: Rule::All }
 }
 
 fn sum(rgb: Rgb) -> f64 {

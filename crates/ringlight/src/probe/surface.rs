@@ -1,13 +1,15 @@
 //! The stored light of the nearest surface.
 
+use super::dealt_out::dealt_out;
 use super::nearest::closest_on_facet;
 use super::place::{Place, Spot, Surroundings};
 use super::{Point, Reading, Status};
+use crate::mesh::Inquiry;
 use crate::smooth::SurfaceLight;
 use crate::solution::Solution;
+use crate::solve::Ring;
+use crate::transport::{Communicator, Failure};
 use glam::DVec3;
-use rayon::prelude::*;
-use ringlight_visibility::Hierarchy;
 
 /// How stored light is looked up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -15,6 +17,9 @@ pub struct SurfaceOptions {
     /// How far from a point its surface may be, metres; the size of elements if none.
     pub reach: Option<f64>,
 }
+
+/// Points that are read one after the other.
+const CHUNK: usize = 4;
 
 /// A surface faces the same way as a point if their normals are less than 60° apart.
 const FACING: f64 = 0.5;
@@ -31,22 +36,40 @@ struct Candidate {
 /// The irradiance of the surface nearest to each point, of those whose lit side faces the same way (less than 60° between
 /// the normals), interpolated as it is displayed, but not from behind what stands on the surface. Of surfaces equally near,
 /// within 2·10⁻⁵ of the scene's diagonal, one that is not covered by another counts, then the one that is aligned best.
-pub fn surface(solution: &Solution, hierarchy: &Hierarchy, points: &[Point], options: &SurfaceOptions) -> Vec<Reading> {
-    let around = Surroundings::new(solution, hierarchy);
-    let light = SurfaceLight::new(solution, hierarchy);
+///
+/// Every rank calls it with the same points; the readings are on rank 0.
+pub fn surface<'a, 'p>(
+    solution: &'a Solution,
+    points: &'p [Point],
+    options: &SurfaceOptions,
+    ring: &mut Ring<'a>,
+    ranks: &mut Communicator<'_>,
+) -> Result<Option<Vec<Reading>>, Failure> {
+    let around = Surroundings::new(solution);
+    let light = SurfaceLight::new(solution);
     let reach = options.reach.unwrap_or(solution.mesh.sizes.element).max(around.touch);
-    let read = |point: &Point| {
+    let read = async |point: &Point, inquiry: &Inquiry<'a>| {
         let position = DVec3::from(point.position) - DVec3::from(solution.mesh.origin);
-        match nearest(&around, position, DVec3::from(point.normal).normalize(), reach) {
-            None => Reading::without_light(Status::Far),
-            Some(found) if around.is_inside(&found.place) => Reading::without_light(Status::Inside),
-            Some(found) => match light.at(found.spot.element, found.spot.within) {
-                None => Reading::without_light(Status::Inside),
-                Some(irradiance) => Reading { irradiance, status: Status::Ok },
-            },
+        let Some(found) = nearest(&around, position, DVec3::from(point.normal).normalize(), reach) else {
+            return Reading::without_light(Status::Far);
+        };
+        if around.is_inside(inquiry, &found.place).await {
+            return Reading::without_light(Status::Inside);
+        }
+        match light.at(inquiry, found.spot.element, found.spot.within).await {
+            None => Reading::without_light(Status::Inside),
+            Some(irradiance) => Reading { irradiance, status: Status::Ok },
         }
     };
-    points.par_iter().map(read).collect()
+    let read = &read;
+    let task = |points: &'p [Point], inquiry: Inquiry<'a>| async move {
+        let mut readings = Vec::with_capacity(points.len());
+        for point in points {
+            readings.push(read(point, &inquiry).await);
+        }
+        readings
+    };
+    dealt_out(points, CHUNK, task, ring, ranks)
 }
 
 fn nearest(around: &Surroundings<'_>, point: DVec3, normal: DVec3, reach: f64) -> Option<Candidate> {

@@ -1,9 +1,10 @@
 use super::*;
 use crate::form_factor;
-use crate::mesh;
-use crate::output::fixture::{closed_box, elements, paint, read, solve};
+use crate::output::fixture::{alone, closed_box, elements, over_ranks, paint, read, solve};
+use crate::ring::{Rings, Routing};
 use crate::smooth::Smooth;
 use crate::solution::Solution;
+use crate::solve::Spread;
 use glam::DVec3;
 
 /// A closed box of 4 m × 3 m × 4 m (x, y up, z) of one material.
@@ -24,11 +25,13 @@ fn at(position: [f64; 3], normal: [f64; 3]) -> Point {
 }
 
 fn gathered(solution: &Solution, points: &[Point]) -> Vec<Reading> {
-    gather(solution, &mesh::hierarchy(&solution.mesh), points, &GatherOptions::default())
+    let (mut ring, mut ranks) = alone(solution);
+    gather(solution, points, &GatherOptions::default(), &mut ring, &mut ranks).unwrap().unwrap()
 }
 
 fn read_surface(solution: &Solution, points: &[Point]) -> Vec<Reading> {
-    surface(solution, &mesh::hierarchy(&solution.mesh), points, &SurfaceOptions::default())
+    let (mut ring, mut ranks) = alone(solution);
+    surface(solution, points, &SurfaceOptions::default(), &mut ring, &mut ranks).unwrap().unwrap()
 }
 
 /// Irradiance of the lamp (radiance 10) by its contour.
@@ -200,7 +203,7 @@ fn surfaces_give_samples_as_found_and_corners_as_displayed() {
 }
 
 #[test]
-fn a_point_does_not_depend_on_the_others_nor_on_threads() {
+fn a_point_does_not_depend_on_the_others_nor_on_threads_and_ranks() {
     let solution = solve(read(&(room("grey") + LAMP + TABLE)), 0.5, 0.01);
     let points: Vec<Point> = (0..150)
         .map(|k| f64::from(k) * 0.618_033_988_749)
@@ -212,6 +215,15 @@ fn a_point_does_not_depend_on_the_others_nor_on_threads() {
     };
     let one = with(1);
     assert_eq!(one, with(3));
+    let over = |ranks, rings| Spread::new(Rings::new(ranks, rings).unwrap());
+    let small = Spread { routing: Routing::All, packet_size: 7, window: 3, ..over(4, 1) };
+    for spread in [over(2, 1), over(3, 2), over(3, 3), small] {
+        let many = over_ranks(&solution, &spread, |ring, ranks| {
+            let gathered = gather(&solution, &points, &GatherOptions::default(), ring, ranks)?;
+            Ok((gathered, surface(&solution, &points, &SurfaceOptions::default(), ring, ranks)?))
+        });
+        assert_eq!(many, (Some(one.0.clone()), Some(one.1.clone())), "{spread:?}");
+    }
     for k in [0, 63, 64, 149] {
         assert_eq!(gathered(&solution, &points[k..=k])[0], one.0[k]);
     }

@@ -1,5 +1,6 @@
 //! What travels: sample points with their masks or rays with their nearest hits so far, and the answers on their way home.
 
+use super::aimed::Aimed;
 use ringlight_visibility::{Hit, Points, Ray};
 
 /// Questions that travel and are tested together.
@@ -20,6 +21,8 @@ pub struct Packet {
 pub enum Content {
     /// Which of the shot's cells points see.
     Samples(Samples),
+    /// Which cells of a shooter of their own points see.
+    Aimed(Aimed),
     /// What rays meet first.
     Rays(Rays),
 }
@@ -180,7 +183,8 @@ impl Content {
     /// What remains when nobody is left to be asked.
     pub fn into_answers(self) -> Answers {
         match self {
-            Content::Samples(Samples { mut words }) => {
+            Content::Samples(samples) | Content::Aimed(Aimed { samples, .. }) => {
+                let mut words = samples.words;
                 words.truncate(words.len() / 3);
                 Answers::Masks(words)
             }

@@ -1,8 +1,9 @@
 //! Parcels as bytes.
 //!
 //! A header of five words of 64 and 32 bits in the byte order of the machine: shot, home, ticket, kind, number of points or
-//! rays; and then array by array. A message may hold many parcels.
+//! rays; then the shooter, if the points have one of their own; and then array by array. A message may hold many parcels.
 
+use super::aimed::Aimed;
 use super::packet::{Answers, Content, Packet, Parcel, Rays, Samples};
 use ringlight_visibility::{Hit, Ray};
 
@@ -19,7 +20,11 @@ const SAMPLES: u32 = 0;
 const RAYS: u32 = 1;
 const MASKS: u32 = 2;
 const HITS: u32 = 3;
-const SIZES: [usize; 4] = [3 * size_of::<u64>(), 4 * (RAY + 2 + HIT), size_of::<u64>(), 4 * HIT];
+const AIMED: u32 = 4;
+const SIZES: [usize; 5] = [SAMPLE, 4 * (RAY + 2 + HIT), size_of::<u64>(), 4 * HIT, SAMPLE];
+
+/// Bytes of a sample point.
+const SAMPLE: usize = 3 * size_of::<u64>();
 
 /// Words of a ray.
 const RAY: usize = 9;
@@ -42,6 +47,11 @@ impl Parcel {
             Parcel::Onward(Packet { content: Content::Samples(samples), .. }) => {
                 begin(SAMPLES, samples.len());
                 bytes.extend_from_slice(bytemuck::cast_slice(samples.words()));
+            }
+            Parcel::Onward(Packet { content: Content::Aimed(aimed), .. }) => {
+                begin(AIMED, aimed.samples.len());
+                bytes.extend_from_slice(bytemuck::cast_slice(&aimed.words()));
+                bytes.extend_from_slice(bytemuck::cast_slice(aimed.samples.words()));
             }
             Parcel::Onward(Packet { content: Content::Rays(rays), .. }) => {
                 begin(RAYS, rays.rays.len());
@@ -66,12 +76,13 @@ impl Parcel {
             return Ok(None);
         }
         let malformed = Malformed(bytes.len());
-        let (header, content) = bytes.split_at_checked(HEADER).ok_or(malformed)?;
+        let (header, mut content) = bytes.split_at_checked(HEADER).ok_or(malformed)?;
         let shot = u64::from_ne_bytes(std::array::from_fn(|k| header[k]));
         let [home, ticket, kind, count] =
             [8, 12, 16, 20].map(|i| u32::from_ne_bytes(std::array::from_fn(|k| header[i + k])));
         let count = count as usize;
         let size = *SIZES.get(kind as usize).ok_or(malformed)?;
+        let shooter = if kind == AIMED { Some(Aimed::take_shooter(&mut content).ok_or(malformed)?) } else { None };
         let (mut content, after) =
             content.split_at_checked(count.checked_mul(size).ok_or(malformed)?).ok_or(malformed)?;
         *bytes = after;
@@ -82,14 +93,16 @@ impl Parcel {
         };
         let onward = |content| Parcel::Onward(Packet { shot, home, ticket, content });
         let at_home = |answers| Parcel::Home { shot, ticket, answers };
-        Ok(Some(match kind {
-            SAMPLES => onward(Content::Samples(Samples::from_words(bytemuck::pod_collect_to_vec(part(24))))),
-            RAYS => onward(Content::Rays(Rays {
+        let samples = |bytes: &[u8]| Samples::from_words(bytemuck::pod_collect_to_vec(bytes));
+        Ok(Some(match (kind, shooter) {
+            (_, Some(shooter)) => onward(Content::Aimed(Aimed::new(shooter, samples(part(SAMPLE))))),
+            (SAMPLES, _) => onward(Content::Samples(samples(part(SAMPLE)))),
+            (RAYS, _) => onward(Content::Rays(Rays {
                 rays: words(part(4 * RAY)).map(ray).collect(),
                 rules: words(part(8)).collect(),
                 hits: words(part(4 * HIT)).map(hit).collect(),
             })),
-            MASKS => at_home(Answers::Masks(bytemuck::pod_collect_to_vec(part(8)))),
+            (MASKS, _) => at_home(Answers::Masks(bytemuck::pod_collect_to_vec(part(8)))),
             _ => at_home(Answers::Hits(words(part(4 * HIT)).map(hit).collect())),
         }))
     }
@@ -128,7 +141,7 @@ fn hit([distance, triangle, s, t, side]: [u32; HIT]) -> Option<Hit> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ringlight_visibility::Points;
+    use ringlight_visibility::{Cells, Grid, Layout, Points, Shooter};
 
     #[test]
     fn parcels_come_out_as_they_went_in() {
@@ -142,12 +155,21 @@ mod tests {
             rays.push(Ray { origin: [x, 2.0, -3.0], direction: [0.0, -0.0, 1e-30], near: x, far, plane: 9 }, [4, 7]);
             rays.hits[i] = hit;
         }
+        let grid = |layout| {
+            let (origin, edge_u, edge_v, twist) = ([1.0, -2.0, 3.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0; 3]);
+            Cells::Grid(Grid { origin, edge_u, edge_v, twist, layout, side: 8 })
+        };
+        let aimed = |cells| Content::Aimed(Aimed::new(Shooter { cells, plane: 5, far: 0.75 }, samples.clone()));
         let home = |answers| Parcel::Home { shot: 9, ticket: 1, answers };
         let onward = |content| Parcel::Onward(Packet { shot: 1 << 40, home: 3, ticket: 7, content });
         let parcels = [
             onward(Content::Samples(samples.clone())),
             home(Answers::Masks(samples.masks().to_vec())),
             Parcel::Onward(Packet { shot: 2, ..Packet::default() }),
+            onward(aimed(grid(Layout::Quad))),
+            onward(aimed(grid(Layout::Triangle))),
+            onward(aimed(Cells::Points(vec![[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]))),
+            onward(aimed(Cells::Directions(vec![[0.0, 1.0, 0.0]]))),
             onward(Content::Rays(rays.clone())),
             home(Answers::Hits(rays.hits)),
             onward(Content::Rays(Rays::default())),

@@ -59,8 +59,8 @@ impl Packet {
 
     /// Finds what each point sees of the shot, and what it receives.
     pub fn receive(&mut self, shot: &Shot, hierarchy: &Hierarchy) -> Tally {
-        let points = Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane };
-        let tally = hierarchy.clear_blocked(&shot.shooter, points, &mut self.masks);
+        let (points, masks) = self.split_mut();
+        let tally = hierarchy.clear_blocked(&shot.shooter, points, masks);
         self.gather(shot);
         tally
     }
@@ -90,6 +90,11 @@ impl Packet {
     /// The masks, for occluders to clear bits.
     pub fn masks_mut(&mut self) -> &mut [u64] {
         &mut self.masks
+    }
+
+    /// The points with the masks, for occluders to clear bits.
+    pub fn split_mut(&mut self) -> (Points<'_>, &mut [u64]) {
+        (Points { x: &self.x, y: &self.y, z: &self.z, plane: &self.plane }, &mut self.masks)
     }
 
     /// The cells that each point sees, in the order in which they were pushed.

@@ -25,9 +25,11 @@ mod standing;
 mod tests;
 mod walls;
 
-use crate::mesh::{self, Facet, Frame};
+use crate::mesh::{self, Facet, Frame, Inquiry};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
+use crate::solve::Ring;
+use crate::transport::{Communicator, Failure};
 use field::{Field, Side, Work, element_of, sides};
 use glam::DVec2;
 use lattice::Lattice;
@@ -35,6 +37,7 @@ use rayon::prelude::*;
 use ringlight_visibility::Layout;
 pub use standing::SurfaceLight;
 use std::ops::Range;
+use std::sync::Arc;
 use walls::{Split, Walls};
 
 /// Irradiance at the corners of elements, interpolated over smooth surfaces but not across edges, creases or walls.
@@ -48,12 +51,36 @@ pub struct Smooth<'a> {
     splits: Vec<Split>,
 }
 
+/// Tag of what ranks tell each other about corners.
+const SPLITS: u32 = 45;
+
 /// Facets that a thread takes at a time.
 const CHUNK: usize = 64;
 
 impl<'a> Smooth<'a> {
-    /// Of a solution.
+    /// Of a solution, on a rank that is alone with it.
     pub fn new(solution: &'a Solution) -> Smooth<'a> {
+        let (smooth, field, suspects) = Smooth::without_walls(solution);
+        if suspects.is_empty() {
+            return smooth;
+        }
+        let mut ring = Ring::alone(&solution.mesh, Arc::new(mesh::hierarchy(&solution.mesh)));
+        let splits = find_splits(&field, suspects, &mut ring, &mut Communicator::alone());
+        Smooth { splits: splits.expect("a rank that is alone hears of no failure"), ..smooth }
+    }
+
+    /// The same on every rank, which look for walls together; all of them call it.
+    pub fn over_ranks(
+        solution: &'a Solution,
+        ring: &mut Ring<'a>,
+        ranks: &mut Communicator<'_>,
+    ) -> Result<Smooth<'a>, Failure> {
+        let (smooth, field, suspects) = Smooth::without_walls(solution);
+        Ok(Smooth { splits: find_splits(&field, suspects, ring, ranks)?, ..smooth })
+    }
+
+    /// As if nothing stood on surfaces, and where something may.
+    fn without_walls(solution: &'a Solution) -> (Smooth<'a>, Field<'a>, Vec<Suspect>) {
         let mesh = &solution.mesh;
         let mut field = Field::new(solution);
         fill::fill(&mut field);
@@ -76,9 +103,7 @@ impl<'a> Smooth<'a> {
             })
             .flatten_iter()
             .collect();
-        let mut splits = find_splits(&field, &suspects);
-        splits.sort_unstable_by_key(|s| (s.element, s.corner));
-        Smooth { solution, first_vertex, vertices, splits }
+        (Smooth { solution, first_vertex, vertices, splits: Vec::new() }, field, suspects)
     }
 
     /// Irradiance at the corners of an element, in the order of [`crate::mesh::Frame::corner_parameters`] of its facet's
@@ -94,7 +119,7 @@ impl<'a> Smooth<'a> {
         let first = self.first_vertex[side.facet as usize] as usize + back;
         let mut corners = lattice.corners(cell).map(|v| self.vertices[first + lattice.vertex_index(v)]);
         for split in self.splits(element) {
-            corners[usize::from(split.corner)] = split.light;
+            corners[split.corner as usize] = split.light;
         }
         if lattice.layout == Layout::Triangle {
             corners[3] = corners[2];
@@ -164,29 +189,41 @@ fn smooth_facet(field: &Field<'_>, number: u32, work: &mut Work, vertices: &mut 
     }
 }
 
-/// Finds the corners that see only some of the parts around their vertex.
-fn find_splits(field: &Field<'_>, suspects: &[Suspect]) -> Vec<Split> {
-    if suspects.is_empty() {
-        return Vec::new();
-    }
+/// Finds the corners that see only some of the parts around their vertex, sorted by element.
+fn find_splits<'a>(
+    field: &Field<'a>,
+    suspects: Vec<Suspect>,
+    ring: &mut Ring<'a>,
+    ranks: &mut Communicator<'_>,
+) -> Result<Vec<Split>, Failure> {
     let mesh = field.mesh();
-    let hierarchy = mesh::hierarchy(mesh);
-    let walls = Walls::new(mesh, &hierarchy);
-    let find = |work: &mut Work, &(side, vertex): &Suspect| {
-        field.collect(side, vertex, false, work);
-        let facet = &mesh.facets[side.facet as usize];
-        let lattice = Lattice::of(facet);
-        let point = facet.frame().at(lattice.parameters(vertex));
-        let mut splits = Vec::new();
-        for cell in lattice.cells_at(vertex) {
-            let mut seen = work.parts.clone();
-            walls.keep_seen(side, cell, point, &mut seen);
-            if seen.len() < work.parts.len() {
-                let corner = lattice.corners(cell).iter().position(|&v| v == vertex).unwrap_or(0) as u8;
-                splits.push(Split { element: element_of(mesh, side, cell), corner, light: field::mean(&seen) });
+    let walls = Walls::new(mesh);
+    let find = |(side, vertex): Suspect, inquiry: Inquiry<'a>| {
+        let walls = &walls;
+        async move {
+            let mut work = Work::default();
+            field.collect(side, vertex, false, &mut work);
+            let facet = &mesh.facets[side.facet as usize];
+            let lattice = Lattice::of(facet);
+            let point = facet.frame().at(lattice.parameters(vertex));
+            let mut splits = Vec::new();
+            for cell in lattice.cells_at(vertex) {
+                let mut seen = work.parts.clone();
+                walls.keep_seen(&inquiry, side, cell, point, &mut seen).await;
+                if seen.len() < work.parts.len() {
+                    let corner = lattice.corners(cell).iter().position(|&v| v == vertex).unwrap_or(0) as u32;
+                    splits.push(Split { element: element_of(mesh, side, cell), corner, light: field::mean(&seen) });
+                }
             }
+            splits
         }
-        splits
     };
-    suspects.par_iter().map_init(Work::default, find).flatten_iter().collect()
+    let mut own: Vec<Split> = Vec::new();
+    let (rank, size) = (ranks.rank(), ranks.size());
+    ring.ask(ranks, suspects.into_iter().skip(rank).step_by(size), find, |found| own.extend(found))?;
+    let all = ranks.all_gather(SPLITS, bytemuck::cast_slice(&own).to_vec())?;
+    let mut splits: Vec<Split> =
+        all.iter().flat_map(|bytes| bytemuck::pod_collect_to_vec::<u8, Split>(bytes)).collect();
+    splits.sort_unstable_by_key(|s: &Split| (s.element, s.corner));
+    Ok(splits)
 }

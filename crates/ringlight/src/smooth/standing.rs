@@ -7,11 +7,10 @@ use super::fan::Fan;
 use super::field::{self, Field, Part, Side, Work};
 use super::lattice::Lattice;
 use super::walls::Walls;
-use crate::mesh::{self, Frame};
+use crate::mesh::{self, Frame, Inquiry};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
 use glam::DVec2;
-use ringlight_visibility::Hierarchy;
 
 /// Light of a solution's surfaces at any place.
 pub struct SurfaceLight<'a> {
@@ -21,35 +20,36 @@ pub struct SurfaceLight<'a> {
 }
 
 impl<'a> SurfaceLight<'a> {
-    /// Of a solution whose mesh's occluders are in `hierarchy`.
-    pub fn new(solution: &'a Solution, hierarchy: &'a Hierarchy) -> SurfaceLight<'a> {
-        SurfaceLight { solution, field: Field::new(solution), walls: Walls::new(&solution.mesh, hierarchy) }
+    /// Of a solution.
+    pub fn new(solution: &'a Solution) -> SurfaceLight<'a> {
+        SurfaceLight { solution, field: Field::new(solution), walls: Walls::new(&solution.mesh) }
     }
 
     /// Irradiance at parameters `within` of an element, W/m² or lux. None where no light is known: where other geometry
     /// covers the surface and it takes no light (under a box, in the crack between two books), and where no sample around
     /// is seen.
-    pub fn at(&self, element: u32, within: DVec2) -> Option<Rgb> {
+    pub async fn at(&self, inquiry: &Inquiry<'_>, element: u32, within: DVec2) -> Option<Rgb> {
         let mesh = &self.solution.mesh;
         let (side, cell) = field::locate(mesh, element);
         let facet = &mesh.facets[side.facet as usize];
         let lattice = Lattice::of(facet);
-        if self.walls.hides(side, cell, within) {
+        if self.walls.hides(inquiry, side, cell, within).await {
             return None;
         }
         let vertices = lattice.corners(cell);
         let mut work = Work::default();
-        let corners = vertices.map(|vertex| {
+        let mut corners = [None; 4];
+        for (corner, vertex) in corners.iter_mut().zip(vertices) {
             self.field.collect(side, vertex, false, &mut work);
             let around = work.parts.len();
-            self.walls.keep_seen_from(side, cell, within, &mut work.parts);
-            match work.parts.len() {
+            self.walls.keep_seen_from(inquiry, side, cell, within, &mut work.parts).await;
+            *corner = match work.parts.len() {
                 0 => None,
                 seen if seen < around => Some(field::mean(&work.parts)),
                 _ => Some(self.field.blend(facet.frame().at(lattice.parameters(vertex)), &work.parts)),
-            }
-        });
-        match self.own(element, side, cell, within) {
+            };
+        }
+        match self.own(inquiry, element, side, cell, within).await {
             Some((light, middle)) => {
                 let corners = corners.map(|corner| corner.unwrap_or(light));
                 Some(Fan { layout: lattice.layout, corners, middle, light }.at(within))
@@ -59,10 +59,17 @@ impl<'a> SurfaceLight<'a> {
     }
 
     /// The light at the element's own sample point and where that is, if it is seen from `within`.
-    fn own(&self, element: u32, side: Side, cell: u32, within: DVec2) -> Option<(Rgb, DVec2)> {
+    async fn own(
+        &self,
+        inquiry: &Inquiry<'_>,
+        element: u32,
+        side: Side,
+        cell: u32,
+        within: DVec2,
+    ) -> Option<(Rgb, DVec2)> {
         let light = field::known(self.solution, element)?;
         let mut parts = vec![Part { side, cell, light, weight: 1.0 }];
-        self.walls.keep_seen_from(side, cell, within, &mut parts);
+        self.walls.keep_seen_from(inquiry, side, cell, within, &mut parts).await;
         let layout = self.solution.mesh.facets[side.facet as usize].layout();
         let middle = mesh::sample_parameters(layout, self.solution.mesh.valid[element as usize])?;
         (!parts.is_empty()).then_some((light, middle))

@@ -1,14 +1,13 @@
 use super::{Smooth, SurfaceLight};
+use crate::mesh::{self, Inquiry, at_once};
 use crate::output::fixture::{closed_box, elements, paint, read, solve};
+use crate::solution::Solution;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 /// Largest difference of the corners' light from what `light` says, over elements with corners that `wanted` accepts.
-fn worst(
-    solution: &crate::solution::Solution,
-    light: impl Fn(DVec3, DVec3) -> f64,
-    wanted: impl Fn(&[DVec3], DVec3) -> bool,
-) -> f64 {
+fn worst(solution: &Solution, light: impl Fn(DVec3, DVec3) -> f64, wanted: impl Fn(&[DVec3], DVec3) -> bool) -> f64 {
     let smooth = Smooth::new(solution);
     let mut worst = 0.0f64;
     for (element, corners, normal) in elements(solution).into_iter().filter(|(_, c, n)| wanted(c, *n)) {
@@ -156,13 +155,17 @@ fn round_things_are_smooth_and_sharp_ones_are_not() {
 }
 
 /// The element of the front of the horizontal floor that holds (x, y), and the parameters within it.
-fn floor_at(solution: &crate::solution::Solution, x: f64, y: f64) -> (u32, DVec2) {
+fn floor_at(solution: &Solution, x: f64, y: f64) -> (u32, DVec2) {
     let mesh = &solution.mesh;
     let point = DVec3::new(x, y, 0.0) - DVec3::from(mesh.origin);
     let facet =
         mesh.facets.iter().find(|f| f.frame().area_vector().z > 0.99 * f.frame().area_vector().length()).unwrap();
     let (k, within) = facet.find_element(facet.frame().parameters(point));
     (facet.first_element + k, within)
+}
+
+fn here(solution: &Solution) -> Inquiry<'_> {
+    Inquiry::Here(&solution.mesh, Arc::new(mesh::hierarchy(&solution.mesh)))
 }
 
 #[test]
@@ -172,12 +175,12 @@ fn places_at_sample_points_have_the_light_found_there() {
     // A shadow edge.
     let light = |p: DVec3, _: DVec3| if p.x + 0.3 * p.y < 2.0 { 10.0 } else { 1.0 };
     paint(&mut solution, light);
-    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
-    let surface = SurfaceLight::new(&solution, &hierarchy);
+    let inquiry = here(&solution);
+    let surface = SurfaceLight::new(&solution);
     for (element, corners, normal) in elements(&solution) {
         let middle = corners.iter().sum::<DVec3>() / 4.0;
         let expected = [light(middle, normal) as f32; 3];
-        assert_eq!(surface.at(element, DVec2::splat(0.5)), Some(expected));
+        assert_eq!(at_once(surface.at(&inquiry, element, DVec2::splat(0.5))), Some(expected));
     }
 }
 
@@ -185,12 +188,12 @@ fn places_at_sample_points_have_the_light_found_there() {
 fn where_nothing_stands_corners_have_the_light_that_is_displayed() {
     let mut solution = solve(read(&closed_box("grey")), 0.25, 1.0);
     paint(&mut solution, |p, n| 3.0 + p.x * p.x + p.y * p.z + n.x);
-    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
-    let (smooth, surface) = (Smooth::new(&solution), SurfaceLight::new(&solution, &hierarchy));
+    let inquiry = here(&solution);
+    let (smooth, surface) = (Smooth::new(&solution), SurfaceLight::new(&solution));
     for (element, ..) in elements(&solution) {
         for k in 0..25 {
             let within = DVec2::new(f64::from(k % 5), f64::from(k / 5)) / 4.0;
-            let (place, shown) = (surface.at(element, within).unwrap(), smooth.at(element, within));
+            let (place, shown) = (at_once(surface.at(&inquiry, element, within)).unwrap(), smooth.at(element, within));
             if k % 20 == 0 || k % 20 == 4 {
                 assert_eq!(place, shown, "element {element} at {within}");
             }
@@ -210,11 +213,11 @@ fn a_place_has_no_light_from_behind_what_stands_on_its_element() {
     let mut solution = solve(read(obj), 2.0, 1.0);
     let light = |p: DVec3, _: DVec3| if p.x < 2.0 { 8.0 } else { 2.0 };
     paint(&mut solution, light);
-    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
-    let surface = SurfaceLight::new(&solution, &hierarchy);
+    let inquiry = here(&solution);
+    let surface = SurfaceLight::new(&solution);
     let at = |x: f64, y: f64| {
         let (element, within) = floor_at(&solution, x, y);
-        surface.at(element, within).map(|light| light[0])
+        at_once(surface.at(&inquiry, element, within)).map(|light| light[0])
     };
     assert_eq!(at(1.95, 1.95), None, "inside the chimney");
     assert_eq!(at(2.05, 2.05), None, "inside the chimney, on another element");
@@ -243,9 +246,9 @@ fn covered_places_and_cracks_have_no_light_though_their_element_has() {
     paint(&mut solution, |_, _| 5.0);
     let (element, _) = floor_at(&solution, 0.5, 0.5);
     solution.mesh.valid[element as usize] = 0x000f;
-    let hierarchy = crate::mesh::hierarchy(&solution.mesh);
-    let surface = SurfaceLight::new(&solution, &hierarchy);
-    let at = |x: f64, y: f64| surface.at(element, DVec2::new(x, y) / 4.0);
+    let inquiry = here(&solution);
+    let surface = SurfaceLight::new(&solution);
+    let at = |x: f64, y: f64| at_once(surface.at(&inquiry, element, DVec2::new(x, y) / 4.0));
     assert_eq!([at(0.3, 0.3), at(2.0, 1.0)], [Some([5.0; 3]); 2], "in the open");
     assert_eq!([at(1.8, 2.0), at(2.3, 1.7)], [None; 2], "under the boxes");
     assert_eq!(at(2.0, 2.0), None, "in the crack");

@@ -2,10 +2,12 @@
 
 use super::field::{Part, Side, element_of};
 use super::lattice::Lattice;
-use crate::mesh::{self, Mesh, Patch, Tile};
+use crate::mesh::walk::{Query, Rule};
+use crate::mesh::{self, Inquiry, Mesh, Patch, Tile};
 use crate::quantity::{Rgb, photometric};
+use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3};
-use ringlight_visibility::{Hierarchy, Ray};
+use ringlight_visibility::Ray;
 
 /// Elements whose light differs by less than this ratio are averaged without looking for a wall between them.
 const CONTRAST: f32 = 1.5;
@@ -19,13 +21,12 @@ const LIFT: f64 = 0.05;
 /// Finds walls by rays just above the surface.
 pub struct Walls<'a> {
     mesh: &'a Mesh,
-    hierarchy: &'a Hierarchy,
 }
 
 impl<'a> Walls<'a> {
     /// Among the occluders of a mesh.
-    pub fn new(mesh: &'a Mesh, hierarchy: &'a Hierarchy) -> Walls<'a> {
-        Walls { mesh, hierarchy }
+    pub fn new(mesh: &'a Mesh) -> Walls<'a> {
+        Walls { mesh }
     }
 
     /// Whether the light of the parts in the plane of facet `facet` differs so much that something may stand between them.
@@ -41,43 +42,66 @@ impl<'a> Walls<'a> {
 
     /// Keeps the parts that the corner at `point` of cell `cell` of `side` sees; all if it sees none. Parts in other
     /// planes always stay: over a bend, a straight line tells nothing.
-    pub fn keep_seen(&self, side: Side, cell: u32, point: DVec3, parts: &mut Vec<Part>) {
+    pub async fn keep_seen(&self, inquiry: &Inquiry<'_>, side: Side, cell: u32, point: DVec3, parts: &mut Vec<Part>) {
         let facet = &self.mesh.facets[side.facet as usize];
         let normal = self.normal(side);
         let frame = facet.frame();
         let inward = frame.at(Lattice::of(facet).middle(cell)) - point;
         let lift = LIFT * inward.length() * normal;
         let from = point + INSET * inward + lift;
-        let seen = |part: &Part| {
-            self.mesh.facets[part.side.facet as usize].plane != facet.plane
-                || self.sample_point(part).is_some_and(|to| self.free(from, to + lift, facet.plane))
-        };
-        if parts.iter().any(seen) {
-            parts.retain(seen);
+        let seen = self.seen(inquiry, facet.plane, from, lift, parts).await;
+        if seen.contains(&true) {
+            keep(parts, &seen);
         }
     }
 
     /// Keeps the parts whose light is seen from `place`, parameters within cell `cell` of `side`. Parts in other planes stay
     /// if any of this plane does.
-    pub fn keep_seen_from(&self, side: Side, cell: u32, place: DVec2, parts: &mut Vec<Part>) {
+    pub async fn keep_seen_from(
+        &self,
+        inquiry: &Inquiry<'_>,
+        side: Side,
+        cell: u32,
+        place: DVec2,
+        parts: &mut Vec<Part>,
+    ) {
         let facet = &self.mesh.facets[side.facet as usize];
         let (frame, lattice) = (facet.frame(), Lattice::of(facet));
         let tile = Tile::of(lattice.layout, lattice.size, cell);
         let reach = frame.at(lattice.middle(cell)) - frame.at(tile.at(DVec2::ZERO));
         let lift = LIFT * reach.length() * self.normal(side);
         let from = frame.at(tile.at(place)) + lift;
-        let mut near = false;
-        parts.retain(|part| {
-            if self.mesh.facets[part.side.facet as usize].plane != facet.plane {
-                return true;
-            }
-            let seen = self.sample_point(part).is_some_and(|to| self.free(from, to + lift, facet.plane));
-            near |= seen;
-            seen
-        });
-        if !near {
+        let seen = self.seen(inquiry, facet.plane, from, lift, parts).await;
+        if parts.iter().zip(&seen).any(|(part, &seen)| seen && self.plane(part) == facet.plane) {
+            keep(parts, &seen);
+        } else {
             parts.clear();
         }
+    }
+
+    /// Which parts in `plane` are seen from a place; those in other planes count as seen.
+    async fn seen(&self, inquiry: &Inquiry<'_>, plane: u32, from: DVec3, lift: DVec3, parts: &[Part]) -> Vec<bool> {
+        let mut seen = vec![true; parts.len()];
+        let (mut queries, mut asked) = (Vec::new(), Vec::new());
+        for (k, part) in parts.iter().enumerate().filter(|(_, part)| self.plane(part) == plane) {
+            match self.sample_point(part).map(|to| to + lift) {
+                None => seen[k] = false,
+                Some(to) if from == to => {}
+                Some(to) => {
+                    let (origin, direction) = (from.as_vec3().to_array(), (to - from).as_vec3().to_array());
+                    let ray = Ray { origin, direction, near: 0.0, far: 1.0, plane };
+                    queries.push(Query { ray, rule: Rule::All });
+                    asked.push(k);
+                }
+            }
+        }
+        let hits = inquiry.nearest_hits(&queries).await;
+        asked.into_iter().zip(hits).for_each(|(k, hit)| seen[k] = hit.is_none());
+        seen
+    }
+
+    fn plane(&self, part: &Part) -> u32 {
+        self.mesh.facets[part.side.facet as usize].plane
     }
 
     fn normal(&self, side: Side) -> DVec3 {
@@ -94,28 +118,23 @@ impl<'a> Walls<'a> {
 
     /// Whether `place`, parameters within an element, is covered or lies in a crack while the element's light is from
     /// outside.
-    pub fn hides(&self, side: Side, cell: u32, place: DVec2) -> bool {
+    pub async fn hides(&self, inquiry: &Inquiry<'_>, side: Side, cell: u32, place: DVec2) -> bool {
         let element = element_of(self.mesh, side, cell);
         let patch = patch_of(self.mesh, side, element);
         let k = element - patch.first_element;
         let point = patch.frame.at(patch.element_tile(k).at(place));
         let sample = patch.sample_point(k, self.mesh.valid[element as usize]);
-        sample.is_none_or(|sample| mesh::is_hidden_beside(self.mesh, self.hierarchy, &patch, point, sample))
-    }
-
-    fn free(&self, from: DVec3, to: DVec3, plane: u32) -> bool {
-        if from == to {
-            return true;
+        match sample {
+            None => true,
+            Some(sample) => mesh::is_hidden_beside(self.mesh, inquiry, &patch, point, sample).await,
         }
-        let ray = Ray {
-            origin: from.as_vec3().to_array(),
-            direction: (to - from).as_vec3().to_array(),
-            near: 0.0,
-            far: 1.0,
-            plane,
-        };
-        self.hierarchy.nearest_hit(&ray).is_none()
     }
+}
+
+/// Keeps the parts of which `kept` says so.
+fn keep(parts: &mut Vec<Part>, kept: &[bool]) {
+    let mut kept = kept.iter();
+    parts.retain(|_| kept.next() == Some(&true));
 }
 
 /// The patch that holds an element of a side.
@@ -130,12 +149,13 @@ fn patch_of(mesh: &Mesh, side: Side, element: u32) -> Patch {
 }
 
 /// The light of a corner that differs from that of the vertex it shares.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
 pub struct Split {
     /// Element.
     pub element: u32,
     /// Number of its corner.
-    pub corner: u8,
+    pub corner: u32,
     /// Light there.
     pub light: Rgb,
 }

@@ -3,10 +3,10 @@
 //! Both as bytes, cluster by cluster: the light of its elements, then for each patch 1 if its own emission has not been
 //! shot yet. That is what a file holds, what the digest hashes and what ranks send.
 
-use crate::column::{Column, Store};
+use crate::column::{Bytes, Column, Store};
 use crate::mesh::{Cluster, Mesh};
 use crate::shooting::{ClusterLight, ElementLight};
-use std::io;
+use std::io::{self, Write};
 use std::ops::Range;
 
 /// The light of all elements.
@@ -46,6 +46,24 @@ impl SolvedLight {
             whole.emission_waits.extend(light.patches.iter().map(|p| u8::from(p.emission_waits)))?;
         }
         Ok(whole)
+    }
+
+    /// Writes it for [`SolvedLight::shared`].
+    pub fn share(&self, out: &mut dyn Write) -> io::Result<()> {
+        out.write_all(bytemuck::cast_slice(&self.elements))?;
+        out.write_all(&self.emission_waits)
+    }
+
+    /// The light of a mesh in bytes that [`SolvedLight::share`] wrote, in which it stays. None if they are not.
+    pub fn shared(mesh: &Mesh, bytes: &Bytes) -> Option<SolvedLight> {
+        let elements = mesh.element_count() * size_of::<ElementLight>();
+        let whole = bytes.len() == elements + mesh.patch_count();
+        let (elements, emission_waits) = (0..elements, elements..bytes.len());
+        let light = SolvedLight {
+            elements: Column::shared(bytes, elements)?,
+            emission_waits: Column::shared(bytes, emission_waits)?,
+        };
+        whole.then_some(light)
     }
 
     /// The bytes of some clusters, in order.

@@ -1,5 +1,6 @@
 //! Progressive refinement: choose, shoot, receive, until it is good.
 
+mod asking;
 mod choice;
 mod energy;
 mod exchange;

@@ -1,17 +1,16 @@
 //! A rank in its ring: the geometry that it holds, and how its clusters come to see a shot.
 
+use super::asking;
 use super::exchange::{Effort, Part, RingExchange};
 use super::holding::Holding;
 use super::receiving::Receiving;
 use super::share::{Share, Spread};
-use super::walking::{self, Group, Walking};
-use crate::mesh::walk::Walk;
 use crate::mesh::{self, Mesh};
 use crate::ring::{Load, Visits, Window};
 use crate::shooting::{self, ClusterLight, Shot, Work};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
-use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Shooter, Tally};
+use ringlight_visibility::{Hierarchy, Shooter, Tally};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -42,6 +41,8 @@ struct Wider<'a> {
     packet_size: usize,
     /// Shots under way, by the number of their job.
     receiving: BTreeMap<u64, Receiving<'a>>,
+    /// Buffers of shots that are over.
+    spare: Vec<Work>,
     /// Jobs so far.
     jobs: u64,
     /// Tells the CPU time of this rank so far, seconds.
@@ -93,6 +94,7 @@ impl<'a> Ring<'a> {
                 holding: Holding::new(mesh, spread, rank, hierarchy),
                 packet_size: spread.packet_size,
                 receiving: BTreeMap::new(),
+                spare: Vec::new(),
                 jobs: 0,
                 clock,
                 settled: 0,
@@ -148,7 +150,14 @@ impl<'a> Ring<'a> {
         let Geometry::Spread(wider) = &mut self.geometry else { return Job(0) };
         let job = wider.begin(&shot.shooter);
         let compact = wider.exchange.wants_compact_packets();
-        let part = Receiving::new(self.mesh, self.share.clone(), shot.clone(), wider.packet_size, compact);
+        let part = Receiving::new(
+            self.mesh,
+            self.share.clone(),
+            shot.clone(),
+            wider.packet_size,
+            compact,
+            std::mem::take(&mut wider.spare),
+        );
         wider.receiving.insert(job, part);
         Job(job)
     }
@@ -189,30 +198,22 @@ impl<'a> Ring<'a> {
         }
         if let Some(mut part) = wider.receiving.remove(&job) {
             part.add_seen(light);
+            wider.spare.extend(part.into_buffers());
         }
         wider.exchange.end(job);
         wider.rebalance(ranks, job)
     }
 
-    /// Follows walks of this rank to their ends, and helps others with theirs. Every rank of the ring calls it.
-    pub(super) fn walk<Purpose: Send, W: Walk + Send>(
+    /// Serves a part of this rank until the parts of all members are done. Every rank of the ring calls it.
+    pub(super) fn serve_to_the_end(
         &mut self,
         ranks: &mut Communicator<'_>,
-        groups: impl Iterator<Item = Group<Purpose, W>>,
-        end: impl FnMut(Purpose, Vec<W>),
+        part: &mut dyn Part,
     ) -> Result<(), Failure> {
-        let wider = match &mut self.geometry {
-            Geometry::Here(hierarchy) => {
-                walking::run(self.mesh, hierarchy, groups, end);
-                return Ok(());
-            }
-            Geometry::Spread(wider) => wider,
-        };
-        let nothing = Shooter { cells: Cells::Points(Vec::new()), plane: NO_PLANE, far: 1.0 };
-        let job = wider.begin(&nothing);
-        let mut part = Walking::new(groups, end);
+        let Geometry::Spread(wider) = &mut self.geometry else { return Ok(()) };
+        let job = wider.begin(&asking::nothing());
         while !wider.exchange.is_over(job) {
-            if !wider.serve(ranks, self.mesh, Some((job, &mut part)))? && !wider.exchange.is_over(job) {
+            if !wider.serve(ranks, self.mesh, Some((job, part)))? && !wider.exchange.is_over(job) {
                 wider.exchange.wait(ranks)?;
             }
         }
@@ -220,8 +221,13 @@ impl<'a> Ring<'a> {
         Ok(())
     }
 
+    /// Whether this rank holds all triangles.
+    pub(super) fn holds_all(&self) -> bool {
+        self.wider().is_none()
+    }
+
     /// Most rays of a packet.
-    pub(super) fn packet_size(&self) -> usize {
+    pub fn packet_size(&self) -> usize {
         self.wider().map_or(usize::MAX, |wider| wider.packet_size)
     }
 }

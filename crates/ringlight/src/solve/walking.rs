@@ -1,113 +1,19 @@
-//! Walks over a ring: many are under way at once, and a packet holds the rays that some of them follow now.
+//! Walks over a ring: those that travel together ask together.
 
 use super::Ring;
-use super::exchange::Part;
-use crate::mesh::walk::{self, Query, Rule, Walk};
-use crate::mesh::{self, LookAbout, Mesh, View};
+use crate::mesh::walk::Walk;
+use crate::mesh::{self, Inquiry, LookAbout, View};
 use crate::quantity::ExactSum;
-use crate::ring::{Answers, Content, Packet, Rays};
 use crate::shooting::{Audit, Fate, Following};
 use crate::transport::{Communicator, Failure};
-use rayon::prelude::*;
-use ringlight_visibility::Hierarchy;
-use std::collections::{BTreeMap, VecDeque};
 
 /// Tag of the messages that join fates.
 const FATES: u32 = 7;
 
 /// Walks that travel together until all are over, and what they are for.
-pub type Group<Purpose, W> = (Purpose, Vec<W>);
+type Group<Purpose, W> = (Purpose, Vec<W>);
 
-/// A rank's part in walks: rays of its own walks in packets, and what has ended given to `end`.
-pub struct Walking<Purpose, W, Groups, End> {
-    /// Those that have not set off.
-    groups: Groups,
-    end: End,
-    /// Those that have, by ticket.
-    under_way: BTreeMap<u32, Group<Purpose, W>>,
-    /// Tickets of those whose rays have come home.
-    home: VecDeque<u32>,
-    tickets: u32,
-}
-
-/// Finds what a shard has in the way of rays.
-pub fn test(mesh: &Mesh, shard: &Hierarchy, rays: &mut Rays) {
-    rays.test(|&ray, rule| walk::nearest_hit(mesh, shard, &Query { ray, rule: Rule::from_words(rule) }));
-}
-
-/// Groups that are run together where all triangles are held, for each thread.
-const TOGETHER: usize = 64;
-
-/// Runs walks to their ends where all triangles are held.
-pub fn run<Purpose: Send, W: Walk + Send>(
-    mesh: &Mesh,
-    hierarchy: &Hierarchy,
-    mut groups: impl Iterator<Item = Group<Purpose, W>>,
-    mut end: impl FnMut(Purpose, Vec<W>),
-) {
-    loop {
-        let together: Vec<_> = groups.by_ref().take(TOGETHER * rayon::current_num_threads()).collect();
-        if together.is_empty() {
-            return;
-        }
-        let to_the_end = |(purpose, walks): Group<Purpose, W>| {
-            (purpose, walks.into_iter().map(|w| walk::run(mesh, hierarchy, w)).collect())
-        };
-        let ended: Vec<Group<Purpose, W>> = together.into_par_iter().map(to_the_end).collect();
-        ended.into_iter().for_each(|(purpose, walks)| end(purpose, walks));
-    }
-}
-
-impl<Purpose, W, Groups, End> Walking<Purpose, W, Groups, End>
-where
-    W: Walk,
-    Groups: Iterator<Item = Group<Purpose, W>>,
-    End: FnMut(Purpose, Vec<W>),
-{
-    /// Groups are taken when there is room for them: no more are held than packets may be under way.
-    pub fn new(groups: Groups, end: End) -> Self {
-        let (under_way, home, tickets) = (BTreeMap::new(), VecDeque::new(), 0);
-        Walking { groups, end, under_way, home, tickets }
-    }
-
-    /// A group that may have rays to follow: one that is home, else a new one.
-    fn next_group(&mut self) -> Option<(u32, Group<Purpose, W>)> {
-        if let Some(ticket) = self.home.pop_front() {
-            return Some((ticket, self.under_way.remove(&ticket)?));
-        }
-        self.tickets += 1;
-        Some((self.tickets, self.groups.next()?))
-    }
-}
-
-impl<Purpose, W, Groups, End> Part for Walking<Purpose, W, Groups, End>
-where
-    W: Walk,
-    Groups: Iterator<Item = Group<Purpose, W>>,
-    End: FnMut(Purpose, Vec<W>),
-{
-    fn next(&mut self) -> Option<Packet> {
-        while let Some((ticket, (purpose, walks))) = self.next_group() {
-            let mut rays = Rays::default();
-            walks.iter().filter_map(W::query).for_each(|query| rays.push(query.ray, query.rule.to_words()));
-            if !rays.rays.is_empty() {
-                self.under_way.insert(ticket, (purpose, walks));
-                return Some(Packet { ticket, content: Content::Rays(rays), ..Packet::default() });
-            }
-            (self.end)(purpose, walks);
-        }
-        None
-    }
-
-    fn finish(&mut self, ticket: u32, answers: Answers) {
-        if let (Some((_, walks)), Answers::Hits(hits)) = (self.under_way.get_mut(&ticket), answers) {
-            walks.iter_mut().filter(|walk| walk.query().is_some()).zip(hits).for_each(|(walk, hit)| walk.answer(hit));
-            self.home.push_back(ticket);
-        }
-    }
-}
-
-impl Ring<'_> {
+impl<'a> Ring<'a> {
     /// The valid samples of the elements of own clusters, one cluster after the other. Every rank of the ring calls it.
     pub fn find_valid_samples(&mut self, ranks: &mut Communicator<'_>) -> Result<Vec<u16>, Failure> {
         let (mesh, share, packet_size) = (self.mesh(), self.share().clone(), self.packet_size());
@@ -132,6 +38,19 @@ impl Ring<'_> {
         };
         self.walk(ranks, groups, end)?;
         Ok(valid)
+    }
+
+    /// Follows walks of this rank to their ends, and helps others with theirs. Every rank of the ring calls it.
+    fn walk<Purpose: Send, W: Walk + Send>(
+        &mut self,
+        ranks: &mut Communicator<'_>,
+        groups: impl Iterator<Item = Group<Purpose, W>>,
+        mut end: impl FnMut(Purpose, Vec<W>),
+    ) -> Result<(), Failure> {
+        let task = |(purpose, walks): Group<Purpose, W>, inquiry: Inquiry<'a>| async move {
+            (purpose, inquiry.follow(walks).await)
+        };
+        self.ask(ranks, groups, task, |(purpose, walks)| end(purpose, walks))
     }
 
     /// The fates of the rays of some audits. Every rank follows its share of their blocks: rank i of N those whose number,

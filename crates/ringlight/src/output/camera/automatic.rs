@@ -3,13 +3,14 @@
 //! Candidates are judged by rays of sight. Everything is a function of the solution alone.
 
 use super::{Projection, View, sight};
-use crate::mesh::Mesh;
-use crate::output::seen::{Seen, look};
+use crate::mesh::{Inquiry, Mesh};
+use crate::output::seen::{self, Seen};
 use crate::quantity::photometric;
 use crate::solution::Solution;
+use crate::solve::Ring;
+use crate::transport::{Communicator, Failure};
 use glam::DVec3;
-use rayon::prelude::*;
-use ringlight_visibility::Hierarchy;
+use ringlight_visibility::Ray;
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
@@ -46,18 +47,60 @@ const WIDE: f64 = PI / 3.0;
 /// Vertical field of view from outside, radians.
 const NARROW: f64 = PI / 4.0;
 
+/// Tag of the view that rank 0 tells the others.
+const VIEW: u32 = 62;
+
 impl View {
-    /// A view for a picture of this `aspect` (width over height).
-    pub fn automatic(solution: &Solution, hierarchy: &Hierarchy, aspect: f64) -> View {
-        let judge = Judge::new(solution, hierarchy, aspect);
-        judge.inside().unwrap_or_else(|| judge.in_front())
+    /// A view for a picture of this `aspect` (width over height), the same on all ranks. Every rank calls it: the first
+    /// one looks, the others help it.
+    pub fn automatic<'a>(
+        solution: &'a Solution,
+        aspect: f64,
+        ring: &mut Ring<'a>,
+        ranks: &mut Communicator<'_>,
+    ) -> Result<View, Failure> {
+        let judge = (ranks.rank() == 0).then(|| Judge::new(solution, aspect));
+        let look = |judge: Judge<'a>, inquiry: Inquiry<'a>| async move {
+            match judge.inside(&inquiry).await {
+                Some(view) => view,
+                None => judge.in_front(&inquiry).await,
+            }
+        };
+        let mut words = Vec::new();
+        ring.ask(ranks, judge.into_iter(), look, |view| words = bytemuck::cast_slice(&view.to_words()).to_vec())?;
+        let words = ranks.broadcast(0, VIEW, words)?;
+        Ok(View::from_words(&bytemuck::pod_collect_to_vec(&words)))
+    }
+
+    fn to_words(self) -> [f64; 14] {
+        let [eye, forward, up, right] = [self.eye, self.forward, self.up, self.right].map(|v| v.to_array());
+        let projection = match self.projection {
+            Projection::Perspective { vertical_field_of_view } => [1.0, vertical_field_of_view],
+            Projection::Orthographic { half_height } => [0.0, half_height],
+        };
+        let mut words = [0.0; 14];
+        [eye, forward, up, right]
+            .concat()
+            .into_iter()
+            .chain(projection)
+            .zip(&mut words)
+            .for_each(|(x, word)| *word = x);
+        words
+    }
+
+    fn from_words(words: &[f64]) -> View {
+        let vector = |k: usize| DVec3::from_slice(&words[3 * k..]);
+        let projection = match words[12] {
+            0.0 => Projection::Orthographic { half_height: words[13] },
+            _ => Projection::Perspective { vertical_field_of_view: words[13] },
+        };
+        View { eye: vector(0), forward: vector(1), up: vector(2), right: vector(3), projection }
     }
 }
 
 struct Judge<'a> {
     solution: &'a Solution,
     mesh: &'a Mesh,
-    hierarchy: &'a Hierarchy,
     aspect: f64,
     /// Box of the scene, mesh coordinates, metres.
     low: DVec3,
@@ -89,7 +132,7 @@ impl Tally {
 }
 
 impl<'a> Judge<'a> {
-    fn new(solution: &'a Solution, hierarchy: &'a Hierarchy, aspect: f64) -> Judge<'a> {
+    fn new(solution: &'a Solution, aspect: f64) -> Judge<'a> {
         let mesh = &solution.mesh;
         let low = mesh.clusters.iter().fold(DVec3::INFINITY, |a, c| a.min(c.low.as_dvec3()));
         let high = mesh.clusters.iter().fold(DVec3::NEG_INFINITY, |a, c| a.max(c.high.as_dvec3()));
@@ -97,18 +140,24 @@ impl<'a> Judge<'a> {
         let mut light: Vec<f32> = elements.map(|e| photometric(e.at_point())).filter(|&e| e > 0.0).collect();
         let rank = (light.len() as f64 * DIM) as usize;
         let dim = if light.is_empty() { 0.0 } else { *light.select_nth_unstable_by(rank, f32::total_cmp).1 };
-        Judge { solution, mesh, hierarchy, aspect, low, high, dim }
+        Judge { solution, mesh, aspect, low, high, dim }
     }
 
-    /// Follows rays; `reference` is the distance, metres, that counts half.
-    fn tally(&self, rays: impl Iterator<Item = (DVec3, DVec3)>, reference: f64) -> Tally {
+    /// What rays of sight meet.
+    async fn look(&self, inquiry: &Inquiry<'_>, rays: &[(DVec3, DVec3)]) -> Vec<Option<Seen>> {
+        let rays: Vec<Ray> = rays.iter().map(|&(origin, direction)| sight(origin, direction)).collect();
+        let hits = inquiry.nearest_hits(&rays.iter().map(|&ray| seen::sight(ray)).collect::<Vec<_>>()).await;
+        rays.iter().zip(hits).map(|(ray, hit)| hit.map(|hit| seen::seen(self.mesh, ray, hit))).collect()
+    }
+
+    /// How rays fare that have met `seen`; `reference` is the distance, metres, that counts half.
+    fn tally(&self, rays: &[(DVec3, DVec3)], seen: &[Option<Seen>], reference: f64) -> Tally {
         let mut tally = Tally::default();
-        for (origin, direction) in rays {
-            let Some(seen) = look(self.mesh, self.hierarchy, &sight(origin, direction)) else { continue };
+        for ((_, direction), seen) in rays.iter().zip(seen) {
+            let Some(seen) = seen else { continue };
             let light = photometric(self.solution.irradiance(seen.element));
             // Lamps are to see by, not to look at.
-            let brightness =
-                if light > 0.0 && !self.emits(&seen) { f64::from(light / (light + self.dim)) } else { 0.0 };
+            let brightness = if light > 0.0 && !self.emits(seen) { f64::from(light / (light + self.dim)) } else { 0.0 };
             let distance = f64::from(seen.distance) * direction.length();
             tally.met += 1;
             tally.distance += distance;
@@ -125,20 +174,19 @@ impl<'a> Judge<'a> {
     }
 
     /// The best view from inside, if there is an inside.
-    fn inside(&self) -> Option<View> {
+    async fn inside(&self, inquiry: &Inquiry<'_>) -> Option<View> {
         let size = self.high - self.low;
         let places: Vec<DVec3> = PLACES
             .iter()
             .flat_map(|&x| PLACES.iter().flat_map(move |&z| HEIGHTS.map(|y| DVec3::new(x, y, z))))
             .map(|share| self.low + share * size)
             .collect();
-        let under_roof: Vec<(DVec3, Tally)> = places
-            .par_iter()
-            .filter_map(|&place| {
-                let eye = self.at_eye_height(place)?;
-                Some((eye, self.tally(about().map(|d| (eye, d)), size.length() / 8.0)))
-            })
-            .collect();
+        let eyes = self.at_eye_height(inquiry, &places).await;
+        let rays: Vec<(DVec3, DVec3)> = eyes.iter().flat_map(|&eye| about().map(move |d| (eye, d))).collect();
+        let seen = self.look(inquiry, &rays).await;
+        let tallies = rays.chunks(RAYS_ABOUT).zip(seen.chunks(RAYS_ABOUT));
+        let tallies = tallies.map(|(rays, seen)| self.tally(rays, seen, size.length() / 8.0));
+        let under_roof: Vec<(DVec3, Tally)> = eyes.iter().copied().zip(tallies).collect();
         let closed = |tally: &Tally| f64::from(tally.met) >= CLOSED * RAYS_ABOUT as f64;
         // Far back in a box that is open in front the opening looks small.
         if 2 * under_roof.iter().filter(|(_, tally)| closed(tally)).count() < under_roof.len() {
@@ -152,35 +200,37 @@ impl<'a> Judge<'a> {
         eyes.sort_by(|a, b| b.0.total_cmp(&a.0));
         eyes.truncate(FINALISTS);
         let room = eyes.iter().map(|e| e.1).sum::<f64>() / eyes.len() as f64;
-        self.best(
-            eyes.iter().flat_map(|&(_, _, eye)| {
-                (0..AZIMUTHS).filter_map(move |k| {
-                    let direction = horizontal(f64::from(k) / f64::from(AZIMUTHS)) + DVec3::new(0.0, -0.1, 0.0);
-                    View::towards(eye, eye + direction, Projection::Perspective { vertical_field_of_view: WIDE })
-                })
-            }),
-            room / 2.0,
-        )
+        let views = eyes.iter().flat_map(|&(_, _, eye)| {
+            (0..AZIMUTHS).filter_map(move |k| {
+                let direction = horizontal(f64::from(k) / f64::from(AZIMUTHS)) + DVec3::new(0.0, -0.1, 0.0);
+                View::towards(eye, eye + direction, Projection::Perspective { vertical_field_of_view: WIDE })
+            })
+        });
+        self.best(inquiry, views.collect(), room / 2.0).await
     }
 
-    /// The place at eye height over the floor that is below `place`: 1.6 m where a room is as high as rooms are, a little
-    /// above the middle elsewhere.
-    fn at_eye_height(&self, place: DVec3) -> Option<DVec3> {
-        let distance =
-            |direction| look(self.mesh, self.hierarchy, &sight(place, direction)).map(|s| f64::from(s.distance));
-        let (below, above) = (distance(DVec3::NEG_Y)?, distance(DVec3::Y)?);
-        let height = below + above;
-        let eye_height = if (2.2..4.5).contains(&height) { 1.6 } else { 0.55 * height };
-        Some(place + DVec3::new(0.0, eye_height - below, 0.0))
+    /// The places at eye height over the floors that are below `places`, where there is something above, too: 1.6 m where a
+    /// room is as high as rooms are, a little above the middle elsewhere.
+    async fn at_eye_height(&self, inquiry: &Inquiry<'_>, places: &[DVec3]) -> Vec<DVec3> {
+        let rays: Vec<_> = places.iter().flat_map(|&place| [(place, DVec3::NEG_Y), (place, DVec3::Y)]).collect();
+        let seen = self.look(inquiry, &rays).await;
+        let eye = |(place, seen): (&DVec3, &[Option<Seen>])| {
+            let [Some(below), Some(above)] = seen else { return None };
+            let [below, above] = [below, above].map(|seen| f64::from(seen.distance));
+            let height = below + above;
+            let eye_height = if (2.2..4.5).contains(&height) { 1.6 } else { 0.55 * height };
+            Some(*place + DVec3::new(0.0, eye_height - below, 0.0))
+        };
+        places.iter().zip(seen.chunks(2)).filter_map(eye).collect()
     }
 
     /// The best view from outside that holds the whole box.
-    fn in_front(&self) -> View {
+    async fn in_front(&self, inquiry: &Inquiry<'_>) -> View {
         let views = (0..AZIMUTHS).flat_map(|k| {
             [0.15, 0.45].map(|slope| self.framed(horizontal(f64::from(k) / f64::from(AZIMUTHS)) - slope * DVec3::Y))
         });
         let overview = self.framed(DVec3::new(-0.5, -0.6, -1.0));
-        self.best(views, 0.0).unwrap_or(overview)
+        self.best(inquiry, views.collect(), 0.0).await.unwrap_or(overview)
     }
 
     /// The view in a direction from where the whole box just fits.
@@ -202,12 +252,16 @@ impl<'a> Judge<'a> {
     }
 
     /// The view worth most; the first among equals, none if all are worth nothing.
-    fn best(&self, views: impl Iterator<Item = View>, reference: f64) -> Option<View> {
-        let views: Vec<View> = views.collect();
-        let worth: Vec<f64> = views.par_iter().map(|view| self.worth(view, reference)).collect();
+    async fn best(&self, inquiry: &Inquiry<'_>, views: Vec<View>, reference: f64) -> Option<View> {
+        let rays: Vec<(DVec3, DVec3)> = views.iter().flat_map(|view| self.rays_within(view)).collect();
+        let seen = self.look(inquiry, &rays).await;
         let mut best = None;
         let mut most = 0.0;
-        for (view, worth) in views.iter().zip(worth) {
+        let count = (RAYS_WITHIN[0] * RAYS_WITHIN[1]) as usize;
+        for (view, (rays, seen)) in views.iter().zip(rays.chunks(count).zip(seen.chunks(count))) {
+            // Bright things at good distances count, and so does variety.
+            let tally = self.tally(rays, seen, reference);
+            let worth = tally.variety() * if reference > 0.0 { tally.worth } else { tally.brightness };
             if worth > most {
                 (best, most) = (Some(*view), worth);
             }
@@ -215,16 +269,14 @@ impl<'a> Judge<'a> {
         best
     }
 
-    /// Bright things at good distances count, and so does variety.
-    fn worth(&self, view: &View, reference: f64) -> f64 {
+    /// The rays by which a view is judged.
+    fn rays_within(&self, view: &View) -> impl Iterator<Item = (DVec3, DVec3)> {
         let [columns, rows] = RAYS_WITHIN;
         let at = |k: u32, n: u32| (f64::from(k) + 0.5) / f64::from(n) * 2.0 - 1.0;
-        let rays = (0..columns * rows).map(|k| {
+        (0..columns * rows).map(move |k| {
             let ray = view.ray(at(k % columns, columns) * self.aspect, at(k / columns, rows));
             (DVec3::from(ray.origin.map(f64::from)), DVec3::from(ray.direction.map(f64::from)))
-        });
-        let tally = self.tally(rays, reference);
-        tally.variety() * if reference > 0.0 { tally.worth } else { tally.brightness }
+        })
     }
 }
 

@@ -8,7 +8,7 @@ use crate::mesh::Mesh;
 use crate::scene::Camera;
 use crate::solution::Solution;
 use glam::{DVec3, DVec4};
-use ringlight_visibility::{Hierarchy, NO_PLANE, Ray};
+use ringlight_visibility::{NO_PLANE, Ray};
 
 /// An eye and what it takes in; mesh coordinates, metres. The three directions are unit vectors, at right angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,21 +134,13 @@ impl View {
         })
     }
 
-    /// What `text` asks for: a name, or "ex,ey,ez;tx,ty,tz;fov". Without it the scene's first camera, or an automatic view
-    /// when it has none; `aspect` is the picture's width over its height.
-    pub fn choose(
-        text: Option<&str>,
-        solution: &Solution,
-        hierarchy: &Hierarchy,
-        aspect: f64,
-    ) -> Result<View, CameraError> {
+    /// What `text` asks for: a name, or "ex,ey,ez;tx,ty,tz;fov". Without it the scene's first camera, or none when it has
+    /// none: then there is [`View::automatic`].
+    pub fn choose(text: Option<&str>, solution: &Solution) -> Result<Option<View>, CameraError> {
         match text {
-            Some(text) if text.contains(';') => View::parse(text, &solution.mesh),
-            Some(name) => View::named(name, solution),
-            None => {
-                let first = solution.description.cameras.iter().find_map(|c| View::of_camera(c, &solution.mesh));
-                Ok(first.unwrap_or_else(|| View::automatic(solution, hierarchy, aspect)))
-            }
+            Some(text) if text.contains(';') => View::parse(text, &solution.mesh).map(Some),
+            Some(name) => View::named(name, solution).map(Some),
+            None => Ok(solution.description.cameras.iter().find_map(|c| View::of_camera(c, &solution.mesh))),
         }
     }
 

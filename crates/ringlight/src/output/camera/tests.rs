@@ -1,5 +1,5 @@
 use super::*;
-use crate::output::scenes;
+use crate::output::scenes::{self, automatic};
 use glam::Vec3Swizzles;
 
 fn mesh() -> Mesh {
@@ -45,15 +45,15 @@ fn camera(name: &str, vertical_field_of_view: f64) -> Camera {
 
 #[test]
 fn an_unknown_name_is_refused_with_the_names_there_are() {
-    let (mut solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
-    let error = View::choose(Some("door"), &solution, &hierarchy, 1.0).unwrap_err();
+    let mut solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let error = View::choose(Some("door"), &solution).unwrap_err();
     assert!(error.to_string().starts_with("no camera is named 'door'; the scene has none"), "{error}");
     solution.description.cameras = vec![camera("window", 1.0), camera("", 0.0)];
-    let error = View::choose(Some("door"), &solution, &hierarchy, 1.0).unwrap_err();
+    let error = View::choose(Some("door"), &solution).unwrap_err();
     assert!(error.to_string().contains("the scene has 'window', 'camera 1'"), "{error}");
-    let view = View::choose(Some("camera 1"), &solution, &hierarchy, 1.0).unwrap();
+    let view = View::choose(Some("camera 1"), &solution).unwrap().unwrap();
     assert_eq!(view.projection, Projection::Orthographic { half_height: 2.0 });
-    let first = View::choose(None, &solution, &hierarchy, 1.0).unwrap();
+    let first = View::choose(None, &solution).unwrap().unwrap();
     assert_eq!(first.projection, Projection::Perspective { vertical_field_of_view: 1.0 });
 }
 
@@ -73,8 +73,8 @@ fn a_degenerate_camera_is_no_view() {
 
 #[test]
 fn the_automatic_camera_of_a_closed_room_is_inside() {
-    let (solution, hierarchy) = scenes::solved(scenes::ROOM, 1.0);
-    let view = View::automatic(&solution, &hierarchy, 1.5);
+    let solution = scenes::solved(scenes::ROOM, 1.0);
+    let view = automatic(&solution, 1.5);
     let eye = solution.mesh.to_world(view.eye);
     assert!(eye.cmpgt(DVec3::new(10.0, 0.0, 0.0)).all() && eye.cmplt(DVec3::new(14.0, 3.0, 5.0)).all(), "{eye}");
     assert!((eye.y - 1.6).abs() < 1e-6, "{eye}");
@@ -82,8 +82,8 @@ fn the_automatic_camera_of_a_closed_room_is_inside() {
 
 #[test]
 fn the_automatic_camera_of_an_open_scene_stands_in_front_and_holds_all_of_it() {
-    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
-    let view = View::automatic(&solution, &hierarchy, 1.5);
+    let solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let view = automatic(&solution, 1.5);
     assert!(view.eye.y > 0.0 && view.eye.xz().length() > 2.0, "{}", view.eye);
     let Projection::Perspective { vertical_field_of_view } = view.projection else { panic!("a perspective view") };
     let tangent = (vertical_field_of_view / 2.0).tan();

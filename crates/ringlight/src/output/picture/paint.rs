@@ -1,13 +1,14 @@
 //! What a ray of sight brings back.
 
 use super::texture::Textures;
+use crate::mesh::walk::{Query, Walk};
 use crate::mesh::{Facet, Mesh, NONE, OPAQUE_COVERAGE};
-use crate::output::seen::{Seen, look};
+use crate::output::seen::{Seen, seen, sight};
 use crate::quantity::{MAX_REFLECTANCE, Rgb, photometric};
 use crate::scene::{Alpha, Material};
 use crate::smooth::Smooth;
 use crate::solution::Solution;
-use ringlight_visibility::{Hierarchy, Ray};
+use ringlight_visibility::{Hit, Ray};
 use std::f32::consts::PI;
 
 /// A ray of sight passes at most this many see-through surfaces.
@@ -27,11 +28,26 @@ pub struct Sample {
     pub emits: bool,
 }
 
+impl Sample {
+    /// Words of a sample as it travels.
+    pub const WORDS: usize = 6;
+
+    pub fn to_words(self) -> [u32; Sample::WORDS] {
+        let [r, g, b] = self.radiance.map(f32::to_bits);
+        let illuminance = self.illuminance.unwrap_or_default().to_bits();
+        [r, g, b, illuminance, self.illuminance.is_some().into(), self.emits.into()]
+    }
+
+    pub fn from_words([r, g, b, illuminance, known, emits]: [u32; Sample::WORDS]) -> Sample {
+        let radiance = [r, g, b].map(f32::from_bits);
+        Sample { radiance, illuminance: (known > 0).then(|| f32::from_bits(illuminance)), emits: emits > 0 }
+    }
+}
+
 /// Finds samples.
 pub struct Painter<'a> {
     solution: &'a Solution,
     mesh: &'a Mesh,
-    hierarchy: &'a Hierarchy,
     smooth: Smooth<'a>,
     textures: Textures,
     ambient: Rgb,
@@ -46,41 +62,58 @@ struct Finish {
     emission: Rgb,
 }
 
-impl<'a> Painter<'a> {
-    /// Decodes the textures. `ambient` is irradiance to add everywhere.
-    pub fn new(solution: &'a Solution, hierarchy: &'a Hierarchy, ambient: Rgb) -> Painter<'a> {
-        let (smooth, textures) = (Smooth::new(solution), Textures::decode(solution));
-        Painter { solution, mesh: &solution.mesh, hierarchy, smooth, textures, ambient }
+/// A ray of sight on its way: L = (ρ·E + Bₑ)/π of the first surface, and of those behind it as far as it lets light through.
+pub struct Sight<'p, 'a> {
+    painter: &'p Painter<'a>,
+    ray: Ray,
+    /// Surfaces that it may still meet.
+    layers: usize,
+    /// Share of what is behind that comes through what it has met.
+    passing: f32,
+    /// What it has brought back so far.
+    pub sample: Sample,
+}
+
+impl Walk for Sight<'_, '_> {
+    fn query(&self) -> Option<Query> {
+        (self.layers > 0).then(|| sight(self.ray))
     }
 
-    /// Follows a ray: L = (ρ·E + Bₑ)/π of the first surface, and of those behind it as far as it lets light through.
-    pub fn sample(&self, mut ray: Ray) -> Sample {
-        let mut sample = Sample::default();
-        let mut passing = 1.0;
-        for _ in 0..MOST_LAYERS {
-            let Some(seen) = look(self.mesh, self.hierarchy, &ray) else {
-                let sky = self.sky(&ray);
-                sample.radiance = std::array::from_fn(|c| sample.radiance[c] + passing * sky[c]);
-                break;
-            };
-            let finish = self.finish(&seen);
-            let light = self.smooth.at(seen.element, seen.within);
-            let light: Rgb = std::array::from_fn(|c| light[c] + self.ambient[c]);
-            sample.radiance = std::array::from_fn(|c| {
-                let reflected = finish.coverage * finish.reflectance[c] * light[c] / PI;
-                sample.radiance[c] + passing * (reflected + finish.emission[c])
-            });
-            sample.emits |= finish.emission.iter().any(|&x| x > 0.0);
-            if finish.coverage > 0.5 && sample.illuminance.is_none() {
-                sample.illuminance = Some(photometric(light));
-            }
-            passing *= 1.0 - finish.coverage;
-            if passing < LEAST_PASSING {
-                break;
-            }
-            ray.near = seen.distance.next_up();
+    fn answer(&mut self, hit: Option<Hit>) {
+        let Sight { painter, ray, passing, sample, .. } = self;
+        let Some(hit) = hit else {
+            let sky = painter.sky(ray);
+            sample.radiance = std::array::from_fn(|c| sample.radiance[c] + *passing * sky[c]);
+            self.layers = 0;
+            return;
+        };
+        let seen = seen(painter.mesh, ray, hit);
+        let finish = painter.finish(&seen);
+        let light = painter.smooth.at(seen.element, seen.within);
+        let light: Rgb = std::array::from_fn(|c| light[c] + painter.ambient[c]);
+        sample.radiance = std::array::from_fn(|c| {
+            let reflected = finish.coverage * finish.reflectance[c] * light[c] / PI;
+            sample.radiance[c] + *passing * (reflected + finish.emission[c])
+        });
+        sample.emits |= finish.emission.iter().any(|&x| x > 0.0);
+        if finish.coverage > 0.5 && sample.illuminance.is_none() {
+            sample.illuminance = Some(photometric(light));
         }
-        sample
+        *passing *= 1.0 - finish.coverage;
+        self.layers = if *passing < LEAST_PASSING { 0 } else { self.layers - 1 };
+        ray.near = seen.distance.next_up();
+    }
+}
+
+impl<'a> Painter<'a> {
+    /// Decodes the textures. `ambient` is irradiance to add everywhere.
+    pub fn new(solution: &'a Solution, smooth: Smooth<'a>, ambient: Rgb) -> Painter<'a> {
+        Painter { solution, mesh: &solution.mesh, smooth, textures: Textures::decode(solution), ambient }
+    }
+
+    /// A ray that sets off to find a sample.
+    pub fn follow(&self, ray: Ray) -> Sight<'_, 'a> {
+        Sight { painter: self, ray, layers: MOST_LAYERS, passing: 1.0, sample: Sample::default() }
     }
 
     /// Radiance of what is behind everything.

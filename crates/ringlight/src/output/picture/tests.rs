@@ -1,5 +1,9 @@
 use super::*;
+use crate::output::fixture::over_ranks;
+use crate::output::scenes::{automatic, draw};
 use crate::output::{Projection, View, scenes};
+use crate::ring::{Rings, Routing};
+use crate::solve::Spread;
 use glam::DVec3;
 use std::io::Cursor;
 
@@ -21,14 +25,14 @@ fn options(view: View) -> PictureOptions {
 #[test]
 fn the_radiance_of_a_lit_square_is_its_reflectance_times_its_irradiance_over_pi() {
     // One element, so that there is nothing to interpolate.
-    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 10.0);
+    let solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 10.0);
     let floor = (0..solution.mesh.patch_count() as u32)
         .map(|id| solution.mesh.patch(id))
         .find(|p| p.normal.y > 0.99 && p.area > 10.0)
         .unwrap();
     let irradiance = solution.irradiance(floor.first_element);
     assert!(irradiance[0] > 0.1);
-    let picture = render(&solution, &hierarchy, &options(floor_view()));
+    let picture = draw(&solution, &options(floor_view()));
     let expected = irradiance.map(|e| 0.5 * e / std::f32::consts::PI);
     for pixel in &picture.linear {
         for c in 0..3 {
@@ -39,28 +43,28 @@ fn the_radiance_of_a_lit_square_is_its_reflectance_times_its_irradiance_over_pi(
 
 #[test]
 fn a_lamp_shows_its_own_radiance_and_nothing_shows_black() {
-    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
-    let picture = render(&solution, &hierarchy, &options(towards([0.0, 1.5, 0.0], [0.0, 2.0, 0.01])));
+    let solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let picture = draw(&solution, &options(towards([0.0, 1.5, 0.0], [0.0, 2.0, 0.01])));
     assert!(picture.linear.iter().flatten().all(|l| (l / 10.0 - 1.0).abs() < 1e-5));
-    let picture = render(&solution, &hierarchy, &options(towards([0.0, 3.0, 0.0], [0.0, 9.0, 0.0])));
+    let picture = draw(&solution, &options(towards([0.0, 3.0, 0.0], [0.0, 9.0, 0.0])));
     assert!(picture.linear.iter().all(|&l| l == [0.0; 3]) && picture.shown.iter().all(|&s| s == [0; 3]));
 }
 
 #[test]
 fn the_sky_is_seen_above_the_horizon_only() {
-    let (mut solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let mut solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
     solution.settings.sky = Some([3.0, 4.0, 5.0]);
-    let picture = render(&solution, &hierarchy, &options(towards([0.0, 5.0, 0.0], [9.0, 5.0, 0.0])));
+    let picture = draw(&solution, &options(towards([0.0, 5.0, 0.0], [9.0, 5.0, 0.0])));
     assert_eq!(picture.linear[0], [3.0, 4.0, 5.0]);
     assert_eq!(picture.linear[24 * 16 - 1], [0.0; 3]);
 }
 
 #[test]
 fn ambient_light_is_added_to_the_irradiance() {
-    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
     let plain = options(floor_view());
     let ambient = PictureOptions { ambient: [2.0, 0.0, 0.0], ..plain.clone() };
-    let [plain, ambient] = [plain, ambient].map(|o| render(&solution, &hierarchy, &o));
+    let [plain, ambient] = [plain, ambient].map(|o| draw(&solution, &o));
     for (with, without) in ambient.linear.iter().zip(&plain.linear) {
         assert!((with[0] - without[0] - 0.5 * 2.0 / std::f32::consts::PI).abs() < 1e-5);
         assert_eq!(with[1], without[1]);
@@ -69,16 +73,16 @@ fn ambient_light_is_added_to_the_irradiance() {
 
 #[test]
 fn half_of_what_is_behind_is_seen_through_a_surface_that_covers_half() {
-    let (mut solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let mut solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
     // The lamp, seen from above, hides the floor; now it lets half of it through.
     let lamp = solution.description.surfaces.iter().position(|s| &*s.name == "lamp").unwrap();
     let view = options(towards([0.0, 4.0, 0.0], [0.0, 0.0, 0.01]));
-    let opaque = render(&solution, &hierarchy, &view).linear[24 * 8 + 12];
+    let opaque = draw(&solution, &view).linear[24 * 8 + 12];
     solution.mesh.occluder.coverage[lamp] = 0.5;
     let material = solution.description.surfaces[lamp].material as usize;
     solution.description.materials[material].transmission = 0.5;
-    let through = render(&solution, &hierarchy, &view).linear[24 * 8 + 12];
-    let floor = render(&solution, &hierarchy, &options(towards([0.0, 1.9, 0.0], [0.0, 0.0, 0.01]))).linear[24 * 8 + 12];
+    let through = draw(&solution, &view).linear[24 * 8 + 12];
+    let floor = draw(&solution, &options(towards([0.0, 1.9, 0.0], [0.0, 0.0, 0.01]))).linear[24 * 8 + 12];
     for c in 0..3 {
         assert!((through[c] - opaque[c] - 0.5 * floor[c]).abs() < 0.02 * floor[c], "{through:?} {opaque:?} {floor:?}");
     }
@@ -86,12 +90,12 @@ fn half_of_what_is_behind_is_seen_through_a_surface_that_covers_half() {
 
 #[test]
 fn the_picture_is_the_same_on_one_thread_and_on_two() {
-    let (solution, hierarchy) = scenes::solved(scenes::ROOM, 1.0);
+    let solution = scenes::solved(scenes::ROOM, 1.0);
     let files = [1, 2].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let view = View::automatic(&solution, &hierarchy, 1.5);
-            let picture = render(&solution, &hierarchy, &options(view));
+            let view = automatic(&solution, 1.5);
+            let picture = draw(&solution, &options(view));
             let mut bytes = Vec::new();
             write_png(&picture, &mut bytes).unwrap();
             let mut exr = Cursor::new(Vec::new());
@@ -103,11 +107,28 @@ fn the_picture_is_the_same_on_one_thread_and_on_two() {
 }
 
 #[test]
+fn the_picture_is_the_same_on_one_rank_and_on_many() {
+    let obj =
+        scenes::ROOM.to_owned() + "v 11 0 3\nv 13 0 3\nv 13 1 3\nv 11 1 3\nusemtl grey\no screen\nf -4 -3 -2 -1\n";
+    let solution = scenes::solved(&obj, 0.5);
+    let one = draw(&solution, &options(automatic(&solution, 1.5)));
+    let over = |ranks, rings| Spread::new(Rings::new(ranks, rings).unwrap());
+    let small = Spread { routing: Routing::All, packet_size: 7, window: 2, ..over(4, 1) };
+    for spread in [over(2, 1), over(3, 2), over(3, 3), small] {
+        let many = over_ranks(&solution, &spread, |ring, ranks| {
+            let view = View::automatic(&solution, 1.5, ring, ranks)?;
+            render(&solution, &options(view), ring, ranks)
+        });
+        assert_eq!(many.as_ref(), Some(&one), "{spread:?}");
+    }
+}
+
+#[test]
 fn a_lamps_edge_is_as_smooth_as_any_other() {
-    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
     // The lamp's edge, seen from below; half of the picture is nothing.
     let view = towards([0.507, 0.5, 0.0], [0.5, 2.0, 0.0]);
-    let picture = render(&solution, &hierarchy, &PictureOptions::new(view, 24, 16));
+    let picture = draw(&solution, &PictureOptions::new(view, 24, 16));
     let mut shades: Vec<u8> = picture.shown.iter().map(|s| s[0]).collect();
     shades.sort();
     shades.dedup();
@@ -116,9 +137,9 @@ fn a_lamps_edge_is_as_smooth_as_any_other() {
 
 #[test]
 fn files_hold_what_the_picture_holds() {
-    let (solution, hierarchy) = scenes::solved(scenes::ROOM, 1.0);
-    let view = View::automatic(&solution, &hierarchy, 1.5);
-    let picture = render(&solution, &hierarchy, &options(view));
+    let solution = scenes::solved(scenes::ROOM, 1.0);
+    let view = automatic(&solution, 1.5);
+    let picture = draw(&solution, &options(view));
     let mut png = Vec::new();
     write_png(&picture, &mut png).unwrap();
     let read = image::load_from_memory(&png).unwrap().into_rgb8();
@@ -144,11 +165,11 @@ fn files_hold_what_the_picture_holds() {
 
 #[test]
 fn the_legend_has_the_range_of_the_illuminance_in_the_picture() {
-    let (solution, hierarchy) = scenes::solved(scenes::ROOM, 1.0);
-    let view = View::automatic(&solution, &hierarchy, 1.5);
+    let solution = scenes::solved(scenes::ROOM, 1.0);
+    let view = automatic(&solution, 1.5);
     let plain = PictureOptions::new(view, 240, 160);
     let false_colour = Some(FalseColour { unit: Unit::WattsPerSquareMetre, ..FalseColour::default() });
-    let picture = render(&solution, &hierarchy, &PictureOptions { false_colour, ..plain });
+    let picture = draw(&solution, &PictureOptions { false_colour, ..plain });
     let scale = picture.scale.unwrap();
     let brightest = (0..solution.mesh.element_count() as u32)
         .map(|e| f64::from(crate::quantity::photometric(solution.irradiance(e))))
@@ -175,19 +196,18 @@ fn every_sample_of_a_pixel_has_its_own_row_and_column() {
 
 #[test]
 fn an_orthographic_picture_shows_lengths_to_scale() {
-    let (solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
+    let solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
     // From below, 4 m high: the lamp of 1 m is a quarter of the picture's height.
     let projection = Projection::Orthographic { half_height: 2.0 };
     let view = View::towards(DVec3::new(0.0, 0.5, 0.0), DVec3::new(0.0, 2.0, 0.0), projection).unwrap();
-    let picture =
-        render(&solution, &hierarchy, &PictureOptions { samples_per_axis: 1, ..PictureOptions::new(view, 40, 40) });
+    let picture = draw(&solution, &PictureOptions { samples_per_axis: 1, ..PictureOptions::new(view, 40, 40) });
     let lamp = picture.linear.iter().filter(|l| l[0] > 9.0).count();
     assert_eq!(lamp, 100);
 }
 
 #[test]
 fn textures_are_shown_in_full_although_elements_know_their_mean_only() {
-    let (mut solution, hierarchy) = scenes::solved(scenes::LAMP_OVER_FLOOR, 10.0);
+    let mut solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 10.0);
     // Black and white halves along u.
     let mut png = Vec::new();
     let texels = image::RgbImage::from_raw(2, 1, vec![0, 0, 0, 255, 255, 255]).unwrap();
@@ -205,13 +225,13 @@ fn textures_are_shown_in_full_although_elements_know_their_mean_only() {
     solution.mesh.base_uv = vec![facet.corners.map(|c| [(c.x + 2.0) / 4.2, 0.0])].into();
     facet.base_uv = 0;
     let view = towards([0.1, 1.0, 0.9], [0.1, 0.0, 0.89]);
-    let picture = render(&solution, &hierarchy, &options(view));
+    let picture = draw(&solution, &options(view));
     let row = &picture.linear[24 * 8..24 * 9];
     assert!(row[..12].iter().all(|l| *l == [0.0; 3]), "{row:?}");
     assert!(row[12..].iter().all(|l| l[0] > 0.1 && (l[0] / row[12][0] - 1.0).abs() < 1e-3), "{row:?}");
     // Without its image the texture is left out.
     solution.images = vec![None];
-    assert!(render(&solution, &hierarchy, &options(view)).linear[24 * 8][0] > 0.1);
+    assert!(draw(&solution, &options(view)).linear[24 * 8][0] > 0.1);
 }
 
 #[test]
@@ -224,10 +244,9 @@ fn a_front_is_seen_although_another_surfaces_back_lies_in_the_same_place() {
         let mut scene = crate::output::fixture::read(&format!("{square}{obj}"));
         scene.materials.iter_mut().for_each(|m| m.double_sided = false);
         let solution = crate::output::fixture::solve(scene, 1.0, 0.01);
-        let hierarchy = crate::mesh::hierarchy(&solution.mesh);
-        let above = render(&solution, &hierarchy, &options(towards([0.1, 1.0, 0.1], [0.1, 0.0, 0.09])));
+        let above = draw(&solution, &options(towards([0.1, 1.0, 0.1], [0.1, 0.0, 0.09])));
         assert!(above.linear.iter().all(|l| (l[0] / 10.0 - 1.0).abs() < 1e-5));
-        let below = render(&solution, &hierarchy, &options(towards([0.1, -1.0, 0.1], [0.1, 0.0, 0.09])));
+        let below = draw(&solution, &options(towards([0.1, -1.0, 0.1], [0.1, 0.0, 0.09])));
         assert!(below.linear.iter().all(|l| *l == [0.0; 3]));
     }
 }

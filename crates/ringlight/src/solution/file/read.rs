@@ -150,7 +150,7 @@ impl<'a> SolutionFile<'a> {
     }
 
     /// Reads all the light.
-    fn light(&self, mesh: &Mesh, store: Store<'_>) -> Result<SolvedLight, FileError> {
+    pub fn light(&self, mesh: &Mesh, store: Store<'_>) -> Result<SolvedLight, FileError> {
         let mut light = SolvedLight::dark(mesh, store)?;
         // A few at a time, so that not all of it is held twice.
         for runs in self.light_runs(mesh)?.chunks(rayon::current_num_threads()) {
