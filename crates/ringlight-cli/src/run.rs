@@ -6,7 +6,7 @@ use crate::files;
 use crate::host::Host;
 use crate::launch::COMMAND;
 use crate::machine;
-use crate::outputs::{self, Content, Kind, Others, Output, Written};
+use crate::outputs::{self, Content, Kind, Others, Outcome, Output};
 use crate::progress::{Reporter, Stage};
 use crate::reading;
 use crate::signals::Signals;
@@ -282,9 +282,13 @@ impl<'a, 'b> Run<'a, 'b> {
             let solutions = targets.output.iter().filter(|output| output.kind == Kind::Solution);
             let checkpoint = run.arguments.checkpoint.as_ref().map(|choice| &choice.file);
             for path in checkpoint.into_iter().chain(solutions.map(|output| &output.path)) {
-                outcome.note(files::write_over_ranks(path, run.ranks, |ranks, out| {
+                let written = files::write_over_ranks(path, run.ranks, |ranks, out| {
                     solution::write_over_ranks(&snapshot, light, ranks, out)
-                })?);
+                })?;
+                if let Err(error) = written {
+                    outcome.note(path, error);
+                    continue;
+                }
                 run.detail(&format!("wrote {}", path.display()));
             }
             Ok::<_, Failure>(())
@@ -306,11 +310,17 @@ impl<'a, 'b> Run<'a, 'b> {
                 if pictures {
                     solution = reading::everywhere(self.ranks, host, solution)?;
                 }
-                self.write(&others, &Content { solution: &solution, display }, hierarchy, &mut outcome)?;
+                let content = Content { solution: &solution, display };
+                self.stage(Stage::Write, |run| {
+                    let ring = pictures.then(|| run.ring(&solution.mesh, hierarchy));
+                    outputs::write_all(&others, &content, ring, run.ranks, &mut outcome)
+                })?;
+                let wrote = others.iter().filter(|output| !outcome.failed.contains(&output.path));
+                wrote.for_each(|output| self.detail(&format!("wrote {}", output.path.display())));
             }
         }
         self.seconds.total = self.start.elapsed().as_secs_f64();
-        let Outcome { mut errors, clipped } = outcome;
+        let Outcome { mut errors, clipped, .. } = outcome;
         let ranks = self.rank_reports()?;
         settings.extend(spread::settings(self.spread, self.rings));
         if let (Some(path), Some(ranks)) = (&self.arguments.report, ranks) {
@@ -351,37 +361,6 @@ impl<'a, 'b> Run<'a, 'b> {
         })
     }
 
-    /// Writes outputs on the first rank. One that fails does not keep the others from being written.
-    fn write(
-        &mut self,
-        outputs: &[&Output],
-        content: &Content<'_>,
-        hierarchy: Option<Arc<Hierarchy>>,
-        outcome: &mut Outcome,
-    ) -> Result<(), Failure> {
-        self.stage(Stage::Write, |run| {
-            let pictures = outputs.iter().any(|output| output.kind.is_picture());
-            let mut ring = pictures.then(|| run.ring(&content.solution.mesh, hierarchy));
-            for output in outputs {
-                let picture = match &mut ring {
-                    Some(ring) if output.kind.is_picture() => content.picture(ring, run.ranks)?,
-                    _ => Ok(None),
-                };
-                if !run.is_first() {
-                    continue;
-                }
-                match picture.and_then(|picture| outputs::write(output, content, picture.as_ref())) {
-                    Ok(Written { clipped }) => {
-                        outcome.clipped = outcome.clipped.max(clipped);
-                        run.detail(&format!("wrote {}", output.path.display()));
-                    }
-                    Err(error) => outcome.note(Err(error)),
-                }
-            }
-            Ok(())
-        })
-    }
-
     /// What every rank has to report, on the first one.
     fn rank_reports(&mut self) -> Result<Option<Vec<RankReport>>, Failure> {
         let own = RankReport {
@@ -394,19 +373,6 @@ impl<'a, 'b> Run<'a, 'b> {
         let all = self.ranks.gather(0, COMMAND, serde_json::to_vec(&own).map_err(anyhow::Error::new)?)?;
         let read = |bytes: Vec<u8>| serde_json::from_slice(&bytes).map_err(|error| anyhow::Error::new(error).into());
         all.map(|all| all.into_iter().map(read).collect()).transpose()
-    }
-}
-
-/// What writing came to.
-#[derive(Default)]
-pub struct Outcome {
-    errors: Vec<anyhow::Error>,
-    clipped: f64,
-}
-
-impl Outcome {
-    fn note(&mut self, result: anyhow::Result<()>) {
-        self.errors.extend(result.err());
     }
 }
 
