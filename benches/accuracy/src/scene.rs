@@ -176,7 +176,8 @@ impl Meshed {
     /// What is probed: the light of this scene.
     pub fn solution(&self, world: &World<'_>, state: State) -> Solution {
         let energy = energy(&state, world);
-        let description = Description::new(&self.scene);
+        // Probes ask for nothing else of the scene.
+        let description = Description { lights: self.scene.lights.clone(), ..Description::default() };
         let mesh = self.mesh.clone();
         let (ledger, light) = (Ledger::of(&state), SolvedLight::of(state.clusters, Store::Heap).unwrap());
         Solution { description, mesh, settings: world.settings, ledger, light, energy, images: Vec::new() }

@@ -3,8 +3,9 @@
 use crate::clock::thread_seconds;
 use crate::office::Office;
 use ringlight::mesh::Mesh;
-use ringlight::ring::{Content, Load, Packet, Rings, Routing, Samples, ShardBox, Sight, outline, owners};
+use ringlight::ring::{Content, Load, Outlines, Packet, Rings, Routing, Samples, Sight, outline, owners};
 use ringlight::shooting::{self, ClusterLight, Shot, Work};
+use ringlight::solve::OUTLINE;
 use ringlight_visibility::{Hierarchy, PreparedShooter};
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use std::sync::Arc;
 pub const PACKET_SIZE: usize = 200;
 
 /// Boxes that describe a shard.
-pub const BOXES: usize = 16;
+pub const BOXES: usize = OUTLINE;
 
 /// Parcels between two members gather to messages of so many bytes.
 const MESSAGE: u64 = 16 << 10;
@@ -29,7 +30,7 @@ pub struct SerialRing<'a> {
     /// The clusters of each member, with their light.
     own: Vec<Vec<(usize, ClusterLight)>>,
     shards: Vec<Hierarchy>,
-    outlines: Arc<Vec<Vec<ShardBox>>>,
+    outlines: Arc<Outlines>,
     /// Packets that were tested, and their owners' number of packets.
     pub visits: [u64; 2],
     /// Bytes that each member has sent to each other for the last shot.
@@ -37,10 +38,11 @@ pub struct SerialRing<'a> {
 }
 
 /// The boxes around what each member holds.
-pub fn outlines(office: &Office, holders: &[u32], members: usize) -> Arc<Vec<Vec<ShardBox>>> {
+pub fn outlines(office: &Office, holders: &[u32], members: usize) -> Arc<Outlines> {
     let held =
         |m: u32| office.pieces.iter().zip(holders).filter(move |(_, holder)| **holder == m).map(|(piece, _)| *piece);
-    Arc::new((0..members as u32).map(|m| outline(&held(m).collect::<Vec<_>>(), BOXES)).collect())
+    let shards: Vec<_> = (0..members as u32).map(|m| outline(&held(m).collect::<Vec<_>>(), BOXES)).collect();
+    Arc::new(Outlines::new(&shards))
 }
 
 impl<'a> SerialRing<'a> {
@@ -58,7 +60,7 @@ impl<'a> SerialRing<'a> {
             routing,
             own,
             shards: Vec::new(),
-            outlines: Arc::default(),
+            outlines: Arc::new(Outlines::new(&[])),
             visits: [0; 2],
             sent: Vec::new(),
         };

@@ -28,7 +28,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let settings = settings(&arguments.method, arguments.sizes.quality);
     let made = if host.leads() { Some(make(&mut run, arguments, host.store(), settings.sky)?) } else { None };
     let Made { mut mesh, description, images } = run.share(&host, made)?;
-    run.choose_rings(&mesh)?;
+    run.choose_rings(&host, &mesh, &settings)?;
     let hierarchy = run.stage(Stage::Build, |run| run.find_valid_samples(&host, &mut mesh))?;
     let mut ring = run.ring(&mesh, Some(hierarchy));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
@@ -68,9 +68,8 @@ fn make(run: &mut Run<'_, '_>, arguments: &Bake, store: Store<'_>, sky: Option<R
     if !input::has_light(&scene, &mesh, sky) {
         return Err(input::no_light(path));
     }
-    let description = Description::new(&scene);
     let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
-    Ok(Made { mesh, description, images })
+    Ok(Made { mesh, description: Description::new(scene), images })
 }
 
 /// The settings that decide the result.

@@ -3,11 +3,11 @@
 use crate::arguments::Export;
 use crate::failure::{End, Failure};
 use crate::host::Host;
-use crate::outputs::{self, Content, Others, Outcome, Output};
+use crate::outputs::{self, Content, Others};
 use crate::{launch, reading, run, spread};
 use ringlight::transport::Communicator;
 
-/// Writes outputs of a solution: pictures are drawn by all ranks, all else the first one writes as it reads it.
+/// Writes outputs of a solution; pictures are drawn by all ranks.
 pub fn export(arguments: &Export, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     spread::check(&arguments.spread, ranks.size())?;
@@ -17,23 +17,25 @@ pub fn export(arguments: &Export, ranks: &mut Communicator<'_>) -> Result<End, F
     let solution = reading::solution(ranks, &host, path, scene)?;
     outputs::check_camera(&arguments.display, &solution.description.cameras)?;
     outputs::check_sizes(&arguments.targets, &solution.mesh)?;
-    if ranks.rank() == 0 && !arguments.quiet {
+    let first = ranks.rank() == 0;
+    if first && !arguments.quiet {
         for warning in outputs::missing_images(&solution.description, &solution.images, &arguments.targets).0 {
             eprintln!("warning: {}", run::warning(&warning.message, warning.count, ""));
         }
     }
     let content = Content { solution: &solution, display: &arguments.display };
-    let outputs: Vec<&Output> = arguments.targets.output.iter().collect();
-    let ring = match outputs.iter().any(|output| output.kind.is_picture()) {
-        true => Some(reading::ring(ranks, &arguments.spread, &solution.mesh)?),
-        false => None,
-    };
-    let mut outcome = Outcome::default();
-    outputs::write_all(&outputs, &content, ring, ranks, &mut outcome)?;
-    // All but the last are said here, the last by whoever takes the failure.
-    if let Some(last) = outcome.errors.pop() {
-        outcome.errors.iter().for_each(|error| eprintln!("error: {error:#}"));
-        return Err(last.into());
+    let (pictures, others): (Vec<_>, Vec<_>) = arguments.targets.output.iter().partition(|o| o.kind.is_picture());
+    if !pictures.is_empty() {
+        let mut ring = reading::ring(ranks, &arguments.spread, &solution.mesh)?;
+        for output in pictures {
+            if let Some(picture) = content.picture(&mut ring, ranks)?? {
+                outputs::write(output, &content, Some(&picture))?;
+            }
+        }
+    }
+    // All else the first rank writes, as it reads it.
+    for output in others.into_iter().filter(|_| first) {
+        outputs::write(output, &content, None)?;
     }
     Ok(End::Done)
 }

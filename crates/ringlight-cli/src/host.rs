@@ -9,6 +9,7 @@ use anyhow::Context;
 use bytemuck::Pod;
 use ringlight::column::{Bytes, Column, Store};
 use ringlight::mesh::Mesh;
+use ringlight::plan::MeshPlace;
 use ringlight::solve::Share;
 use ringlight::transport::{self, Communicator};
 use std::io::{self, BufWriter, Write};
@@ -47,6 +48,11 @@ impl Host {
     /// Whether this rank reads and makes what the others map.
     pub fn leads(&self) -> bool {
         self.leader == self.rank
+    }
+
+    /// Where the mesh lies.
+    pub fn mesh_place(&self) -> MeshPlace {
+        if self.scratch.is_some() { MeshPlace::Files } else { MeshPlace::Heap }
     }
 
     /// Where this rank keeps what is large.

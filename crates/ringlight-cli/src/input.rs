@@ -34,9 +34,9 @@ pub fn scene(path: &Path, unit: Option<UnitChoice>, store: Store<'_>) -> Result<
 
 /// An error whose file can be found from where the user is: readers know files from the scene's folder only.
 pub fn locate(mut error: SceneError, scene: &Path) -> Failure {
-    let beside = scene.with_file_name(&error.place.file);
+    let beside = scene.with_file_name(&*error.place.file);
     let found = if !error.place.file.is_empty() && beside.is_file() { &beside } else { scene };
-    error.place.file = found.display().to_string();
+    error.place.file = found.display().to_string().into();
     Failure::Scene(error)
 }
 

@@ -12,12 +12,14 @@ use crate::spread::in_words;
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
 use ringlight::output::report::{ReportedWarning, SceneReport, Units, warnings};
-use ringlight::plan::Counts;
+use ringlight::plan::{Counts, MeshPlace};
 use ringlight::ring::Rings;
-use ringlight::scene::{LightKind, Scene, Surface};
+use ringlight::scene::{LightKind, Surface};
 use ringlight::shooting;
 use ringlight::solution::Description;
-use ringlight::solve::{self, Control, Observer, Ring, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solve::{
+    self, Control, OUTLINE, Observer, Ring, SolveSettings, Spread, State, StopReason, StopRule, World,
+};
 use ringlight::transport::Communicator;
 use serde::Serialize;
 use std::fmt::Write;
@@ -86,9 +88,11 @@ pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let options = input::mesh_options(&arguments.sizes);
     let mesh = mesh::build(&scene, &options, store).map_err(|error| input::locate(error, path))?;
     let settings = bake::settings(&arguments.method, arguments.sizes.quality);
+    let has_light = input::has_light(&scene, &mesh, settings.sky);
+    let scene = Description::new(scene);
     let mut inspection = Inspection::new(path, &scene, &mesh, &settings);
     inspection.warnings.extend(warnings(&bake::skipped(&mesh)));
-    if input::has_light(&scene, &mesh, settings.sky) {
+    if has_light {
         inspection.forecast = Some(forecast(&scene, mesh, settings, arguments)?);
     }
     let text = if arguments.json {
@@ -101,8 +105,7 @@ pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
 }
 
 impl Inspection {
-    fn new(path: &Path, scene: &Scene, mesh: &Mesh, settings: &SolveSettings) -> Inspection {
-        let description = Description::new(scene);
+    fn new(path: &Path, scene: &Description, mesh: &Mesh, settings: &SolveSettings) -> Inspection {
         let (low, high) =
             mesh.clusters.iter().fold((glam::Vec3::INFINITY, glam::Vec3::NEG_INFINITY), |(low, high), c| {
                 (low.min(c.low), high.max(c.high))
@@ -113,16 +116,19 @@ impl Inspection {
             LightKind::Spot { .. } => "spot",
             LightKind::Directional { .. } => "directional",
         };
-        let demand = Counts::of(mesh).demand();
+        let counts = Counts::of(mesh);
+        let Spread { window, packet_size, .. } = Spread::new(Rings::one(1));
         let memory = |ranks, rings| {
+            let place = if ranks == 1 { MeshPlace::Heap } else { MeshPlace::Files };
+            let demand = counts.demand(place, settings.shooters_in_flight).with_packets(window, packet_size, OUTLINE);
             let bytes = Rings::new(ranks, rings).map_or(0, |rings| demand.of_a_rank(rings));
             RankMemory { ranks, rings, bytes }
         };
         let camera = |field_of_view: f64| if field_of_view > 0.0 { "perspective" } else { "orthographic" };
         Inspection {
             file: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            units: Units::of(&description),
-            scene: SceneReport::new(&description, mesh),
+            units: Units::of(scene),
+            scene: SceneReport::new(scene, mesh),
             surfaces: scene.surfaces.len(),
             emitting_surfaces: scene.surfaces.iter().filter(emits).count(),
             materials: scene.materials.len(),
@@ -214,7 +220,12 @@ impl Observer for Trial {
 }
 
 /// Foretells the solve; the speed is that of a trial, or as given.
-fn forecast(scene: &Scene, mut mesh: Mesh, settings: SolveSettings, arguments: &Inspect) -> Result<Forecast, Failure> {
+fn forecast(
+    scene: &Description,
+    mut mesh: Mesh,
+    settings: SolveSettings,
+    arguments: &Inspect,
+) -> Result<Forecast, Failure> {
     let sky = settings.sky.map_or(0, |radiance| shooting::skies(radiance, 1, 1.0).len());
     let work = estimate::work(&mesh, scene.lights.len() + sky, settings.cells, arguments.until);
     let measured = arguments.rays_per_second.is_none();

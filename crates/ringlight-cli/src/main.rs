@@ -6,6 +6,7 @@ mod estimate;
 mod export;
 mod failure;
 mod files;
+mod finish;
 mod host;
 mod input;
 mod inspect;

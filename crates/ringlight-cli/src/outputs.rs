@@ -82,23 +82,11 @@ impl Output {
     }
 }
 
-/// What writing came to.
-#[derive(Debug, Default)]
-pub struct Outcome {
-    /// What went wrong.
-    pub errors: Vec<anyhow::Error>,
-    /// What was to be written then.
-    pub failed: Vec<PathBuf>,
-    /// Share of a lit model's vertices that were clipped to 1, the largest.
+/// What outputs told about themselves.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Written {
+    /// Share of a lit model's vertices that were clipped to 1.
     pub clipped: f64,
-}
-
-impl Outcome {
-    /// Notes what went wrong with a file.
-    pub fn note(&mut self, path: &Path, error: anyhow::Error) {
-        self.errors.push(error);
-        self.failed.push(path.to_owned());
-    }
 }
 
 /// Files that a command writes and reads, besides its outputs.
@@ -263,50 +251,26 @@ impl<'a> Content<'a> {
     }
 }
 
-/// Writes outputs on the first rank; one that fails does not keep the others from being written. Every rank of `ring` calls
-/// it, which is there if there are pictures to draw.
-pub fn write_all<'a>(
-    outputs: &[&Output],
-    content: &Content<'a>,
-    mut ring: Option<Ring<'a>>,
-    ranks: &mut Communicator<'_>,
-    outcome: &mut Outcome,
-) -> Result<(), RankFailure> {
-    for output in outputs {
-        let picture = match &mut ring {
-            Some(ring) if output.kind.is_picture() => content.picture(ring, ranks)?,
-            _ => Ok(None),
-        };
-        if ranks.rank() == 0 {
-            match picture.and_then(|picture| write(output, content, picture.as_ref())) {
-                Ok(clipped) => outcome.clipped = outcome.clipped.max(clipped),
-                Err(error) => outcome.note(&output.path, error),
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Writes one output; `picture` is there if it is one. Gives the share of a lit model's vertices that were clipped to 1.
-fn write(output: &Output, content: &Content<'_>, picture: Option<&Picture>) -> anyhow::Result<f64> {
+/// Writes one output; `picture` is there if it is one.
+pub fn write(output: &Output, content: &Content<'_>, picture: Option<&Picture>) -> anyhow::Result<Written> {
     let (path, solution) = (output.path.as_path(), content.solution);
-    let mut clipped = 0.0;
+    let mut written = Written::default();
     match output.kind {
         Kind::Solution => files::write(path, |out| solution::write(solution, out))?,
         Kind::LitBinary => {
             let options = content.lit_options();
-            clipped = files::write(path, |out| write_glb(solution, &options, out))?.clipped;
+            written.clipped = files::write(path, |out| write_glb(solution, &options, out))?.clipped;
         }
         Kind::LitText => {
             let (options, data) = (content.lit_options(), path.with_extension("bin"));
             let name = data.file_name().unwrap_or_default().to_string_lossy();
             let model = |json: &mut NewFile, bin: &mut NewFile| write_gltf(solution, &options, &name, json, bin);
-            clipped = files::write_pair([path, &data], model)?.clipped;
+            written.clipped = files::write_pair([path, &data], model)?.clipped;
         }
         Kind::Table => files::write(path, |out| write_table(solution, out))?,
         Kind::Grid => files::write(path, |out| write_vtu(solution, out))?,
         Kind::Png => files::write(path, |out| picture.map_or(Ok(()), |picture| write_png(picture, out)))?,
         Kind::Exr => files::write(path, |out| picture.map_or(Ok(()), |picture| write_exr(picture, out)))?,
     }
-    Ok(clipped)
+    Ok(written)
 }

@@ -8,7 +8,7 @@ use crate::{input, spread};
 use anyhow::Context;
 use ringlight::column::Bytes;
 use ringlight::mesh::Mesh;
-use ringlight::plan::Counts;
+use ringlight::plan::{Counts, MeshPlace};
 use ringlight::ring::Rings;
 use ringlight::solution::{FileError, Solution, SolutionFile, SolvedLight};
 use ringlight::solve::Ring;
@@ -112,7 +112,7 @@ pub fn ring<'m>(
 ) -> Result<Ring<'m>, Failure> {
     let bounded = ranks.size() > 1 || arguments.memory_per_rank.is_some();
     let rings = match bounded {
-        true => spread::choose(arguments, Counts::of(mesh).demand(), ranks)?.0,
+        true => spread::choose(arguments, Counts::of(mesh).demand(MeshPlace::Files, 1), ranks)?.0,
         false => Rings::one(1),
     };
     Ok(Ring::new(mesh, &spread::spread(arguments, rings), ranks.rank()))

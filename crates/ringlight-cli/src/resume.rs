@@ -29,7 +29,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let made = if host.leads() { Some(make(&mut run, arguments, &file, host.store())?) } else { None };
     let Made { mesh, description, images } = run.share(&host, made)?;
     let settings = file.settings();
-    run.choose_rings(&mesh)?;
+    run.choose_rings(&host, &mesh, &settings)?;
     let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, None));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
     let light = run.stage(Stage::Load, |_| file.light_of(&mesh, &world.share.own)).with_context(located)?;

@@ -1,28 +1,24 @@
 //! A run: scene or solution → light → files, stage by stage, timed.
 
-use crate::arguments::{DisplayArguments, ProgressChoice, RunArguments, SpreadArguments, StopArguments, Targets};
-use crate::failure::{End, Failure};
-use crate::files;
+use crate::arguments::{ProgressChoice, RunArguments, SpreadArguments, StopArguments};
+use crate::failure::Failure;
 use crate::host::Host;
 use crate::launch::COMMAND;
 use crate::machine;
-use crate::outputs::{self, Content, Kind, Others, Outcome, Output};
+use crate::outputs::Others;
 use crate::progress::{Reporter, Stage};
-use crate::reading;
 use crate::signals::Signals;
 use crate::spread;
 use crate::watch::{Checkpoint, Watch};
 use anyhow::Context;
 use ringlight::mesh::Mesh;
-use ringlight::output::report::{self, RankReport, Report, SceneReport, Seconds, SolveReport, Units};
+use ringlight::output::report::{RankReport, Seconds, WindowReport};
 use ringlight::plan::Counts;
 use ringlight::resources::Bytes;
 use ringlight::ring::Rings;
 use ringlight::scene::{Place, Warnings};
-use ringlight::solution::{self, Description, OwnLight, Snapshot, Solution, SolvedLight};
-use ringlight::solve::{
-    self, Energy, Ledger, Progress, Ring, Share, SolveSettings, State, StopReason, StopRule, World,
-};
+use ringlight::solution::{Description, OwnLight};
+use ringlight::solve::{self, Energy, Progress, Ring, Share, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::io::Write;
@@ -34,18 +30,20 @@ pub type Settings = serde_json::Map<String, serde_json::Value>;
 
 /// What lasts from the start of a command to its end.
 pub struct Run<'a, 'b> {
-    arguments: &'a RunArguments,
-    spread: &'a SpreadArguments,
+    pub(crate) arguments: &'a RunArguments,
+    pub(crate) spread: &'a SpreadArguments,
     /// The way to the other ranks.
     pub ranks: &'a mut Communicator<'b>,
-    rings: Rings,
+    pub(crate) rings: Rings,
     /// What this rank has to report, as far as it is known.
-    own: RankReport,
-    start: Instant,
-    signals: Signals,
-    reporter: Reporter,
-    seconds: Seconds,
-    warnings: Warnings,
+    pub(crate) own: RankReport,
+    /// How the load of this rank's ring was balanced.
+    pub(crate) balance: Vec<WindowReport>,
+    pub(crate) start: Instant,
+    pub(crate) signals: Signals,
+    pub(crate) reporter: Reporter,
+    pub(crate) seconds: Seconds,
+    pub(crate) warnings: Warnings,
 }
 
 /// What is solved: on ranks that do not lead, without what only outputs need.
@@ -82,6 +80,13 @@ pub struct Solved {
     pub reason: StopReason,
 }
 
+impl Solved {
+    /// The light that this rank owns.
+    pub fn light(&self) -> OwnLight<'_> {
+        OwnLight { own: &self.share.own, clusters: &self.state.clusters }
+    }
+}
+
 impl<'a, 'b> Run<'a, 'b> {
     /// Begins, on every rank; only the first one speaks and writes.
     pub fn begin(
@@ -96,16 +101,18 @@ impl<'a, 'b> Run<'a, 'b> {
         let reporter = Reporter::new(progress, arguments.quiet, arguments.verbose, start);
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
         let (rings, own) = (Rings::one(ranks.size()), RankReport::default());
-        Ok(Run { arguments, spread, ranks, rings, own, start, signals, reporter, seconds, warnings })
+        let balance = Vec::new();
+        Ok(Run { arguments, spread, ranks, rings, own, balance, start, signals, reporter, seconds, warnings })
     }
 
-    fn is_first(&self) -> bool {
+    pub fn is_first(&self) -> bool {
         self.ranks.rank() == 0
     }
 
     /// Chooses the rings, before memory is taken for what they divide.
-    pub fn choose_rings(&mut self, mesh: &Mesh) -> Result<(), Failure> {
-        let (rings, needed) = spread::choose(self.spread, Counts::of(mesh).demand(), self.ranks)?;
+    pub fn choose_rings(&mut self, host: &Host, mesh: &Mesh, settings: &SolveSettings) -> Result<(), Failure> {
+        let demand = Counts::of(mesh).demand(host.mesh_place(), settings.shooters_in_flight);
+        let (rings, needed) = spread::choose(self.spread, demand, self.ranks)?;
         self.rings = rings;
         if rings.ranks() > 1 {
             let (ranks, count, needed) = (rings.ranks(), rings.rings(), spread::in_words(needed));
@@ -242,6 +249,7 @@ impl<'a, 'b> Run<'a, 'b> {
 
     /// Notes this rank's share of the work, for the report.
     fn note_share(&mut self, ring: &Ring<'_>) {
+        self.balance = ring.windows().iter().map(WindowReport::new).collect();
         let (rank, clusters) = (self.ranks.rank(), &ring.mesh().clusters);
         let own = ring.share().own.iter().map(|&cluster| &clusters[cluster as usize]);
         self.own = RankReport {
@@ -254,126 +262,6 @@ impl<'a, 'b> Run<'a, 'b> {
             ..RankReport::default()
         };
     }
-
-    /// Writes the outputs, the last checkpoint and the report, says in a line what was done, and tells how the command ends.
-    /// Every rank calls it.
-    pub fn finish(
-        mut self,
-        baked: Baked,
-        (targets, display): (&Targets, &DisplayArguments),
-        host: &Host,
-        hierarchy: Option<Arc<Hierarchy>>,
-        mut settings: Settings,
-    ) -> Result<End, Failure> {
-        let mut outcome = Outcome::default();
-        let Baked { made: Made { mesh, description, images }, settings: solve_settings, solved } = baked;
-        let Solved { share, state, energy, progress, reason } = solved;
-        let ledger = Ledger::of(&state);
-        let digest = OwnLight { own: &share.own, clusters: &state.clusters }.digest(&mesh, ledger.shots, self.ranks)?;
-        self.stage(Stage::Write, |run| {
-            let light = OwnLight { own: &share.own, clusters: &state.clusters };
-            let snapshot = Snapshot {
-                description: &description,
-                mesh: &mesh,
-                settings: &solve_settings,
-                ledger: &ledger,
-                energy: &energy,
-            };
-            let solutions = targets.output.iter().filter(|output| output.kind == Kind::Solution);
-            let checkpoint = run.arguments.checkpoint.as_ref().map(|choice| &choice.file);
-            for path in checkpoint.into_iter().chain(solutions.map(|output| &output.path)) {
-                let written = files::write_over_ranks(path, run.ranks, |ranks, out| {
-                    solution::write_over_ranks(&snapshot, light, ranks, out)
-                })?;
-                if let Err(error) = written {
-                    outcome.note(path, error);
-                    continue;
-                }
-                run.detail(&format!("wrote {}", path.display()));
-            }
-            Ok::<_, Failure>(())
-        })?;
-        let report = SceneReport::new(&description, &mesh);
-        let units = Units::of(&description);
-        let others: Vec<&Output> = targets.output.iter().filter(|output| output.kind != Kind::Solution).collect();
-        // They are made from light that is kept with the mesh: on the first rank, but for pictures, which all draw together.
-        if !others.is_empty() {
-            let light = OwnLight { own: &share.own, clusters: &state.clusters };
-            let light = match self.ranks.size() {
-                1 => Some(SolvedLight::of(state.clusters, host.store()).context("the light cannot be kept")?),
-                _ => light.gather(&mesh, host.store(), self.ranks)?,
-            };
-            let pictures = others.iter().any(|output| output.kind.is_picture());
-            if pictures || light.is_some() {
-                let (settings, light) = (solve_settings, light.unwrap_or_default());
-                let mut solution = Solution { description, mesh, settings, ledger, light, energy, images };
-                if pictures {
-                    solution = reading::everywhere(self.ranks, host, solution)?;
-                }
-                let content = Content { solution: &solution, display };
-                self.stage(Stage::Write, |run| {
-                    let ring = pictures.then(|| run.ring(&solution.mesh, hierarchy));
-                    outputs::write_all(&others, &content, ring, run.ranks, &mut outcome)
-                })?;
-                let wrote = others.iter().filter(|output| !outcome.failed.contains(&output.path));
-                wrote.for_each(|output| self.detail(&format!("wrote {}", output.path.display())));
-            }
-        }
-        self.seconds.total = self.start.elapsed().as_secs_f64();
-        let Outcome { mut errors, clipped, .. } = outcome;
-        let ranks = self.rank_reports()?;
-        settings.extend(spread::settings(self.spread, self.rings));
-        if let (Some(path), Some(ranks)) = (&self.arguments.report, ranks) {
-            let report = Report {
-                schema: report::SCHEMA,
-                version: env!("CARGO_PKG_VERSION"),
-                command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
-                units,
-                warnings: report::warnings(&self.warnings),
-                scene: report,
-                settings: settings.into(),
-                solve: SolveReport::new(&progress, reason),
-                seconds: self.seconds,
-                energy,
-                clipped,
-                peak_memory_bytes: ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0),
-                solution_digest: digest.unwrap_or_default(),
-                ranks,
-            };
-            let written = files::write(path, |out| {
-                serde_json::to_writer_pretty(&mut *out, &report)?;
-                out.write_all(b"\n")
-            });
-            errors.extend(written.err());
-        }
-        // All but the last are said here, the last by whoever takes the failure.
-        if let Some(last) = errors.pop() {
-            errors.iter().for_each(|error| self.reporter.say(&format!("error: {error:#}")));
-            return Err(last.into());
-        }
-        self.say(&summary(&progress, reason, &self.seconds));
-        // A signal that came while outputs were written counts as well.
-        Ok(match self.signals.reason().unwrap_or(reason) {
-            StopReason::Converged | StopReason::NothingLeft | StopReason::MaxShots => End::Done,
-            StopReason::TimeLimit => End::StoppedEarly,
-            StopReason::Interrupted => End::Interrupted,
-            StopReason::Terminated => End::Terminated,
-        })
-    }
-
-    /// What every rank has to report, on the first one.
-    fn rank_reports(&mut self) -> Result<Option<Vec<RankReport>>, Failure> {
-        let own = RankReport {
-            busy_seconds: machine::busy_seconds(),
-            wait_seconds: self.ranks.waited_seconds(),
-            bytes_sent: self.ranks.traffic().values().map(|traffic| traffic.bytes).sum(),
-            peak_memory_bytes: machine::peak_private_memory(),
-            ..self.own
-        };
-        let all = self.ranks.gather(0, COMMAND, serde_json::to_vec(&own).map_err(anyhow::Error::new)?)?;
-        let read = |bytes: Vec<u8>| serde_json::from_slice(&bytes).map_err(|error| anyhow::Error::new(error).into());
-        all.map(|all| all.into_iter().map(read).collect()).transpose()
-    }
 }
 
 /// A warning in words.
@@ -384,19 +272,6 @@ pub fn warning(message: &str, count: u64, first_place: &str) -> String {
         (n, "") => format!("{message} ({n} times)"),
         (n, place) => format!("{message} ({n} times, first at {place})"),
     }
-}
-
-fn summary(progress: &Progress, reason: StopReason, seconds: &Seconds) -> String {
-    let reason = match reason {
-        StopReason::Converged => "converged",
-        StopReason::NothingLeft => "converged: nothing is left to shoot",
-        StopReason::MaxShots => "stopped by --max-shots",
-        StopReason::TimeLimit => "stopped by --time-limit",
-        StopReason::Interrupted => "interrupted",
-        StopReason::Terminated => "terminated",
-    };
-    let (shots, unshot) = (progress.shots, 100.0 * progress.unshot_share);
-    format!("{reason}: {shots} shots, unshot {unshot:.2} %, {:.1} s", seconds.total)
 }
 
 /// Settings as the report shows them, whatever verb set them.

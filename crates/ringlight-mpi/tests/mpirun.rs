@@ -1,4 +1,4 @@
-//! Real MPI: `mpirun` starts the check on several numbers of ranks, more than there are cores.
+//! Real MPI: `mpirun`, or the launcher that `MPIRUN` names, starts the check on several numbers of ranks, more than there are cores.
 
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// Runs the check on so many ranks; how it ended, what it printed, and how long it took.
 fn check(ranks: usize, case: &[&str]) -> (Output, Duration) {
     let start = Instant::now();
-    let mut command = Command::new("mpirun");
+    let mut command = Command::new(std::env::var_os("MPIRUN").unwrap_or_else(|| "mpirun".into()));
     // Open MPI refuses root and more ranks than cores unless it is told otherwise; other implementations ignore this.
     command
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
@@ -23,7 +23,7 @@ fn check(ranks: usize, case: &[&str]) -> (Output, Duration) {
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
-        .expect("mpirun can be started");
+        .expect("the launcher can be started");
     // The output is short enough for the pipes to hold it.
     while child.try_wait().expect("the check can be waited for").is_none() {
         if start.elapsed() > LIMIT {

@@ -9,6 +9,7 @@
 
 #![forbid(unsafe_code)]
 
+mod boxes;
 mod build;
 mod hierarchy;
 mod instruction_set;
@@ -27,6 +28,7 @@ mod shaft_region;
 mod shooter;
 mod triangle;
 
+pub use boxes::Boxes;
 pub use hierarchy::{Hierarchy, Hit, Ray, Tally};
 pub use instruction_set::InstructionSet;
 pub use plan::PreparedShooter;

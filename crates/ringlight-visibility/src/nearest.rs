@@ -3,7 +3,7 @@
 use crate::build::{Child, Node, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::lanes::{Lanes, splat};
-use crate::predicate::{Prepared, SHAFT_MARGIN, norm, pass, ray_hit, sub};
+use crate::predicate::{Prepared, SHAFT_MARGIN, ray_hit};
 use crate::{Hierarchy, Hit, NO_PLANE, Ray, Triangle};
 
 /// The work of [`Hierarchy::nearest_hit_where`].
@@ -23,7 +23,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
         if hierarchy.nodes.is_empty() {
             return None;
         }
-        let inverse = ray.direction.map(|d| if d.abs() > 1e-30 { 1.0 / d } else { 1e30f32.copysign(d) });
+        let inverse = inverse(ray);
         let mut stack = [(0.0f32, Child::ROOT); STACK];
         let mut height = 1;
         while height > 0 {
@@ -70,20 +70,22 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
     }
 }
 
-impl Ray {
-    /// Whether it may hit a triangle in the box from `low` to `high` no farther than `far`: never false where
-    /// [`Hierarchy::nearest_hit`] finds such a hit. The box grows with its distance, as those of the hierarchy do.
-    pub fn may_hit(&self, low: [f32; 3], high: [f32; 3], far: f32) -> bool {
-        let (low, high) = (sub(low, self.origin), sub(high, self.origin));
-        let margin = norm(std::array::from_fn(|i| low[i].abs().max(high[i].abs()))) * SHAFT_MARGIN;
-        pass((low.map(|c| c - margin), high.map(|c| c + margin)), self.direction, far.min(self.far)).is_some()
-    }
+/// Reciprocals of the direction, finite for those that do not count.
+#[inline(always)]
+pub(crate) fn inverse(ray: &Ray) -> [f32; 3] {
+    ray.direction.map(|d| if d.abs() > 1e-30 { 1.0 / d } else { 1e30f32.copysign(d) })
 }
 
 /// The children whose boxes the ray passes before `far`, as bits, and where it enters them. Boxes grow with their
 /// distance, see [`SHAFT_MARGIN`].
 #[inline(always)]
-fn passed<M: Machine>(machine: M, node: &Node, origin: [f32; 3], inverse: [f32; 3], far: f32) -> (u32, [f32; WIDTH]) {
+pub(crate) fn passed<M: Machine>(
+    machine: M,
+    node: &Node,
+    origin: [f32; 3],
+    inverse: [f32; 3],
+    far: f32,
+) -> (u32, [f32; WIDTH]) {
     let (mut bits, mut enters) = (0, [0.0; WIDTH]);
     for chunk in 0..WIDTH / M::F32_LANES {
         let mut low = splat(machine, [0.0; 3]);

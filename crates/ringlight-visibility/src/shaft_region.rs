@@ -24,6 +24,11 @@ impl Region {
         Region(Some(Shaft::between(plan, around, reach, union & plan.all, &scene)))
     }
 
+    /// None where nothing is left to be hidden.
+    pub(crate) fn shaft(&self) -> Option<&Shaft> {
+        self.0.as_ref()
+    }
+
     /// Whether triangles in the box from `low` to `high` may hide anything.
     pub fn meets(&self, low: [f32; 3], high: [f32; 3]) -> bool {
         self.0.as_ref().is_some_and(|shaft| shaft.meets(low, high))

@@ -4,7 +4,7 @@ mod common;
 
 use common::{Place, Random, filters, hierarchies, triangles};
 use proptest::prelude::*;
-use ringlight_visibility::{Hierarchy, Hit, NO_PLANE, OPAQUE, Ray, Triangle, reference};
+use ringlight_visibility::{Boxes, Hierarchy, Hit, NO_PLANE, OPAQUE, Ray, Triangle, reference};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 120, failure_persistence: None, ..ProptestConfig::default() })]
@@ -74,7 +74,7 @@ proptest! {
             let mut best: Option<Hit> = None;
             for (part, [low, high]) in held.iter().zip(&boxes) {
                 let far = best.map_or(ray.far, |hit| hit.distance);
-                if ray.may_hit(*low, *high, far)
+                if Boxes::new(&[(*low, *high, NO_PLANE)]).may_be_hit(&[ray], &[best])
                     && let Some(hit) = part.nearest_hit(&Ray { far, ..ray })
                     && hit.is_nearer(&best)
                 {

@@ -13,7 +13,7 @@ fn a_plain_triangle() {
     assert_eq!(positions(&scene), [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
     assert_eq!(all(&scene)[0].colour, [[1.0; 4]; 3]);
     let surface = &scene.surfaces[0];
-    assert_eq!((surface.name.as_str(), surface.place.at.as_str()), ("surface 0", "meshes[0].primitives[0]"));
+    assert_eq!((&*surface.name, &*surface.place.at), ("surface 0", "meshes[0].primitives[0]"));
     assert_eq!(scene.materials.len(), 1);
     assert_eq!(codes(&scene), [""; 0]);
 }
@@ -194,7 +194,7 @@ fn instances_hang_under_their_node() {
     });
     let scene = scene_of(builder, document);
     assert_eq!(scene.surfaces.len(), 2);
-    assert!(scene.surfaces.iter().all(|surface| surface.node == 0 && surface.name == "many"));
+    assert!(scene.surfaces.iter().all(|surface| surface.node == 0 && &*surface.name == "many"));
     assert_eq!(
         positions(&scene),
         [
@@ -297,7 +297,7 @@ fn buffers_from_files_and_data_uris() {
         let scene = scene::read("a.gltf", Bytes::new(text), &files, &ReadOptions::default());
         let scene = scene.unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(positions(&scene), [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]]);
-        assert_eq!(scene.surfaces[0].name, "mesh");
+        assert_eq!(&*scene.surfaces[0].name, "mesh");
     }
 }
 

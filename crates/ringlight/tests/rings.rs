@@ -1,24 +1,20 @@
 //! Solves over rings of ranks, with threads as ranks: bit for bit those of one rank.
 
+mod support;
+
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions};
-use ringlight::resources::{Bytes, Resources};
+use ringlight::resources::Bytes;
 use ringlight::ring::{Moves, Rings, Routing, Shards, Visits};
-use ringlight::scene::{self, Light, ReadOptions};
+use ringlight::scene::{self, Light, ReadOptions, Scene};
 use ringlight::shooting::{ClusterLight, Shoot};
 use ringlight::solve::{self, Progress, Ring, SolveSettings, Spread, State, StopReason, StopRule, World};
 use ringlight::transport::{Communicator, Failure, Traffic, threads};
+use ringlight_visibility::OPAQUE;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
-
-struct Folder(PathBuf);
-
-impl Resources for Folder {
-    fn read(&self, path: &str) -> std::io::Result<Bytes> {
-        std::fs::read(self.0.join(path)).map(Bytes::new)
-    }
-}
+use support::Folder;
 
 /// A scene to solve.
 struct Task {
@@ -29,11 +25,9 @@ struct Task {
 }
 
 impl Task {
-    /// One of our own scenes.
-    fn new(name: &str, options: MeshOptions, settings: SolveSettings, shots: u64) -> Task {
-        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
-        let bytes = Bytes::new(std::fs::read(folder.join(name)).unwrap());
-        let scene = scene::read(name, bytes, &Folder(folder), &ReadOptions::default()).unwrap();
+    fn new(scene: Scene, patch_size: f64, element_size: f64, settings: SolveSettings, shots: u64) -> Task {
+        let options =
+            MeshOptions { patch_size: Some(patch_size), element_size: Some(element_size), ..MeshOptions::default() };
         let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
         let hierarchy = mesh::hierarchy(&mesh);
         mesh::find_valid_samples(&mut mesh, &hierarchy);
@@ -42,9 +36,11 @@ impl Task {
 
     /// The office at the paper's sizes: 4738 patches, 17251 elements.
     fn office(shooters_in_flight: u32, shots: u64) -> Task {
-        let options = MeshOptions { patch_size: Some(0.475), element_size: Some(0.1945), ..MeshOptions::default() };
+        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+        let bytes = Bytes::new(std::fs::read(folder.join("office.glb")).unwrap());
+        let scene = scene::read("office.glb", bytes, &Folder(folder), &ReadOptions::default()).unwrap();
         let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight };
-        Task::new("office.glb", options, settings, shots)
+        Task::new(scene, 0.475, 0.1945, settings, shots)
     }
 
     fn solve(&self, mut ring: Ring<'_>, ranks: &mut Communicator<'_>) -> Result<Part, Failure> {
@@ -135,6 +131,32 @@ fn the_offices_light_is_the_same_over_any_rings() {
         let members = way.rings.ranks().div_ceil(way.rings.rings());
         if way.routing == Routing::Boxes && members > 1 {
             assert!(mean <= 0.9 * members as f64, "{way:?}: {mean} members visited");
+        }
+    }
+}
+
+#[test]
+fn light_through_panes_and_lattices_is_the_same_over_any_rings() {
+    // Under the sun and the lamp alone the panes' light is passed on; a sky is 256 shooters more.
+    for (sky, shooters_in_flight, shots) in [(None, 1, 40), (Some([0.3, 0.4, 0.6]), 3, 260)] {
+        let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky, shooters_in_flight };
+        let pavilion = Task::new(support::pavilion::pavilion(), 1.0, 0.25, settings, shots);
+        let hierarchy = mesh::hierarchy(&pavilion.mesh);
+        let opaque = hierarchy.triangles().iter().filter(|triangle| triangle.filter == OPAQUE).count();
+        assert!(opaque > 10 && hierarchy.triangles().len() > opaque + 30, "{opaque} of the triangles are opaque");
+        assert_eq!((pavilion.mesh.occluder.bitmaps.len(), pavilion.lights.len()), (1, 1));
+        let expected = pavilion.alone();
+        let lit = expected.light.iter().flat_map(|c| &c.elements).filter(|e| e.mean() != [0.0; 3]).count();
+        assert!(lit > 500, "only {lit} of {} elements are lit", pavilion.mesh.valid.len());
+        pavilion.check(&expected, spread(3, 2));
+        pavilion.check(&expected, Spread { packet_size: 7, ..papers(spread(4, 1)) });
+        if sky.is_none() {
+            for (ranks, rings) in [(2, 1), (4, 1), (8, 3)] {
+                pavilion.check(&expected, spread(ranks, rings));
+                pavilion.check(&expected, papers(spread(ranks, rings)));
+            }
+            // Some members hold nothing.
+            pavilion.check(&expected, spread(32, 1));
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::workshop::Workshop;
 use predicates::prelude::*;
 use predicates::str::contains;
+use std::path::Path;
 
 #[test]
 fn ways_to_run_that_make_no_sense_are_usage_errors() {
@@ -44,6 +45,45 @@ fn the_solution_does_not_depend_on_ranks_and_rings() {
     for (number, way) in ways.into_iter().enumerate() {
         workshop.bake(&format!("-o {number}.ringlight --until 0.05 {way}")).assert().code(0);
         assert!(workshop.bytes(&format!("{number}.ringlight")) == workshop.bytes("one.ringlight"), "{way}");
+    }
+}
+
+/// Ours and, where developers keep them, two shared ones: with a sun, with bulbs, with textures.
+#[test]
+fn scenes_with_all_kinds_of_light_have_one_solution_however_they_are_spread() {
+    let workshop = Workshop::new();
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes");
+    for (scene, flags) in [
+        (scenes.join("office.glb"), "--patch-size 1.4 --element-size 0.7 --max-shots 30"),
+        (scenes.join("gallery.glb"), "--patch-size 1.6 --element-size 0.6 --max-shots 90 --shooters-in-flight 3"),
+        (shared.join("bakinglab_box/bakinglab_box.gltf"), "--patch-size 3 --element-size 1 --max-shots 40"),
+        (
+            shared.join("godot_living_room.glb"),
+            "--patch-size 4 --element-size 1.5 --max-shots 40 --shooters-in-flight 2",
+        ),
+    ] {
+        if !scene.exists() {
+            println!("{} was not found; it is left out", scene.display());
+            continue;
+        }
+        let bake = |way: &str| {
+            let mut command = workshop.ringlight("bake -o a.ringlight --report a.json --force --cells 4 --until 0");
+            command.arg(&scene).args(flags.split_whitespace()).args(way.split_whitespace()).assert().code(0);
+            (workshop.json("a.json")["solution_digest"].clone(), workshop.bytes("a.ringlight"))
+        };
+        let expected = bake("--threads 1");
+        for way in [
+            "--ranks 2 --rings 1 --packet-size 1 --threads 2",
+            "--ranks 3 --rings 2 --packet-size 4096 --shards random",
+            "--ranks 4 --rings 1 --packet-size 7 --routing all",
+            "--ranks 6 --rings 4 --packet-size 200",
+            "--ranks 8 --rings 3 --shards random --routing all",
+        ] {
+            let found = bake(way);
+            assert_eq!(found.0, expected.0, "{} {way}", scene.display());
+            assert!(found.1 == expected.1, "{} {way}", scene.display());
+        }
     }
 }
 
@@ -118,7 +158,8 @@ fn a_solve_that_does_not_fit_is_refused_with_what_it_needs() {
         let it = all.iter().find(|memory| memory["ranks"] == ranks && memory["rings"] == rings).unwrap();
         it["bytes"].as_u64().unwrap()
     };
-    assert!(of(8, 1) < of(8, 8) && of(8, 8) <= inspection["memory_bytes"].as_u64().unwrap());
+    // Of so small a scene, packets under way in a wide ring take more than it saves.
+    assert!(of(8, 8) < of(8, 1) && of(8, 8) <= inspection["memory_bytes"].as_u64().unwrap());
     workshop.ringlight("inspect box.obj").assert().code(0).stdout(contains("in a ring").and(contains("on each of 16")));
 }
 

@@ -45,10 +45,10 @@ mod tests {
     #[test]
     fn in_a_closed_furnace_it_makes_up_for_what_is_missing() {
         // Ke = 1, ρ = 0.5: E = 2π when all light is shot. Inward faces alone, or half of the light would escape.
-        let mut scene = read(&closed_box("glow"));
-        scene.materials.iter_mut().for_each(|m| m.double_sided = false);
         for until in [0.9, 0.3] {
-            let solution = solve(&scene, 0.25, until);
+            let mut scene = read(&closed_box("glow"));
+            scene.materials.iter_mut().for_each(|m| m.double_sided = false);
+            let solution = solve(scene, 0.25, until);
             let all = elements(&solution);
             let mean = all.iter().map(|e| solution.light(e.0).mean()[0]).sum::<f32>() / all.len() as f32;
             let sum = mean + ambient(&solution)[0];

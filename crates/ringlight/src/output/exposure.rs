@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn even_light_becomes_middle_grey_and_bright_light_is_held_within_limits() {
         // Grey 0.5 under irradiance E has radiance E / 2π.
-        let mut solution = solve(&read(&closed_box("grey")), 0.25, 1.0);
+        let mut solution = solve(read(&closed_box("grey")), 0.25, 1.0);
         let radiance = |irradiance: f64| irradiance / (2.0 * std::f64::consts::PI);
         paint(&mut solution, |_, _| 1e-3);
         // Even light is its own bright part: 0.35 instead of 0.18. Bins are 1/16 of a doubling wide: 2.2 %.

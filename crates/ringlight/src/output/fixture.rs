@@ -30,10 +30,10 @@ pub fn read(obj: &str) -> Scene {
 }
 
 /// Solves a scene with elements of `element` metres and patches four times as large, as far as `until`.
-pub fn solve(scene: &Scene, element: f64, until: f64) -> Solution {
+pub fn solve(scene: Scene, element: f64, until: f64) -> Solution {
     let options =
         MeshOptions { patch_size: Some(4.0 * element), element_size: Some(element), ..MeshOptions::default() };
-    let mut mesh = mesh::build(scene, &options, Store::Heap).unwrap();
+    let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };

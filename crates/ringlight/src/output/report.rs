@@ -2,6 +2,7 @@
 //! reads no clock: seconds and memory are passed in.
 
 use crate::mesh::Mesh;
+use crate::ring::Window;
 use crate::scene::Warnings;
 use crate::solution::Description;
 use crate::solve::{Energy, Progress, StopReason};
@@ -42,6 +43,8 @@ pub struct Report {
     pub solution_digest: String,
     /// One entry for each rank.
     pub ranks: Vec<RankReport>,
+    /// How the load was balanced between the members of the first ring, window by window.
+    pub balance: Vec<WindowReport>,
 }
 
 /// Units by quantity.
@@ -70,7 +73,7 @@ impl Units {
 
     /// Those of the file that the scene came from.
     pub fn of(description: &Description) -> Units {
-        let file = description.surfaces.first().map_or("", |s| s.place.file.as_str());
+        let file = description.surfaces.first().map_or("", |s| &s.place.file);
         if file.to_ascii_lowercase().ends_with(".obj") { Units::RADIOMETRIC } else { Units::PHOTOMETRIC }
     }
 }
@@ -171,6 +174,34 @@ pub struct Seconds {
     pub write: f64,
     /// All of it.
     pub total: f64,
+}
+
+/// Some shots of the first ring, over which its members' busy times were added up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WindowReport {
+    /// Number of shots.
+    pub shots: u64,
+    /// Busy time of the slowest member, CPU seconds.
+    pub slowest_seconds: f64,
+    /// Busy time of the fastest member over that of the slowest.
+    pub fastest_over_slowest: f64,
+    /// Rank correlation of the members' busy times with those of the window before; 1 if the slowest stayed the slowest.
+    pub rank_correlation: Option<f64>,
+    /// Pieces of geometry that moved when it ended.
+    pub pieces_moved: usize,
+}
+
+impl WindowReport {
+    /// Of a window.
+    pub fn new(window: &Window) -> WindowReport {
+        WindowReport {
+            shots: window.shots,
+            slowest_seconds: window.slowest,
+            fastest_over_slowest: window.balance,
+            rank_correlation: window.correlation,
+            pieces_moved: window.moved,
+        }
+    }
 }
 
 /// One rank's share.

@@ -18,7 +18,7 @@ pub const ROOM: &str = "\
 
 /// Reads, cuts into elements of `element_size` metres, and solves.
 pub fn solved(obj: &str, element_size: f64) -> Solution {
-    fixture::solve(&fixture::read(obj), element_size, 0.01)
+    fixture::solve(fixture::read(obj), element_size, 0.01)
 }
 
 /// The picture of a rank that is alone.

@@ -43,7 +43,7 @@ pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
     for id in 0..mesh.patch_count() as u32 {
         let patch = mesh.patch(id);
         let surface = mesh.facets[patch.facet as usize].surface;
-        let object = solution.description.surfaces.get(surface as usize).map_or("", |s| s.name.as_str());
+        let object = solution.description.surfaces.get(surface as usize).map_or("", |s| &s.name);
         let [nx, ny, nz] = patch.normal.as_vec3().to_array();
         for (k, element) in patch.elements().enumerate() {
             let [x, y, z] = mesh.to_world(sample_point(&patch, k as u32, mesh.valid[element as usize])).to_array();

@@ -2,6 +2,7 @@
 
 use crate::mesh::{Cluster, Colour, Facet, Mesh};
 use crate::ring::Demand;
+use crate::scene::{Node, Surface};
 use crate::shooting::{ClusterLight, ElementLight, PatchLight};
 use ringlight_visibility::Triangle;
 
@@ -18,6 +19,8 @@ pub struct Counts {
     pub elements: u64,
     /// Clusters.
     pub clusters: u64,
+    /// Surfaces.
+    pub surfaces: u64,
     /// Bytes of texture coordinates, vertex colours and colours of elements.
     pub painted: u64,
 }
@@ -29,8 +32,29 @@ const NODES: u64 = 24;
 /// before it is flattened.
 const BUILDING: u64 = 52;
 
-/// Bytes of the program itself: code, stacks, buffers, what allocators keep. Small scenes peak at 4 MiB; this leaves room.
-const PROGRAM: u64 = 8 << 20;
+/// Bytes of the program itself: stacks, buffers, what allocators and MPI keep. Small scenes peak at 4 MiB, with MPI at 5.
+const PROGRAM: u64 = 6 << 20;
+
+/// Bytes of a cluster besides the cluster: its owner, and while owners are found its size and place in their order.
+const OWNERSHIP: u64 = 28;
+
+/// Most pieces in which geometry is dealt out, and bytes of each with those of its weight, its holder and a copy that is sorted.
+const PIECES: (u64, u64) = (1 << 16, 128);
+
+/// Bytes of a surface besides its colour: itself, its node and their names where outputs are made, what it covers on all ranks.
+const SURFACE: u64 = (size_of::<Surface>() + size_of::<Node>() + 64) as u64;
+
+/// Most bytes of light on their way to a file: from all ranks, put in order, compressed, and what comes next.
+const WRITING: u64 = 20 << 20;
+
+/// Where a mesh lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshPlace {
+    /// In the memory of the only rank.
+    Heap,
+    /// In files that all ranks of a machine map: no memory of theirs.
+    Files,
+}
 
 impl Counts {
     /// Those of a mesh.
@@ -46,6 +70,7 @@ impl Counts {
             patches: mesh.patch_count() as u64,
             elements: mesh.element_count() as u64,
             clusters: mesh.clusters.len() as u64,
+            surfaces: mesh.surface_colours.len() as u64,
             painted: painted as u64,
         }
     }
@@ -71,13 +96,22 @@ impl Counts {
         self.triangles * (size::<Triangle>() + NODES)
     }
 
-    /// What a solve keeps: every rank has the mesh, its own light, and its share of the hierarchy.
-    pub fn demand(&self) -> Demand {
+    /// What a solve keeps: its own light, its share of the hierarchy, and of the mesh the clusters, or all where it is alone.
+    /// With several shooters in flight geometry may move while shots still see it as it was.
+    pub fn demand(&self, mesh: MeshPlace, shooters_in_flight: u32) -> Demand {
+        let kept = match mesh {
+            MeshPlace::Heap => self.mesh_bytes(),
+            MeshPlace::Files => self.clusters * size::<Cluster>() + self.surfaces * size::<Colour>(),
+        };
+        let ownership = self.clusters * OWNERSHIP + self.facets.min(PIECES.0) * PIECES.1;
         Demand {
-            everywhere: PROGRAM + self.mesh_bytes(),
-            owned: self.light_bytes(),
+            everywhere: PROGRAM + kept + ownership + self.surfaces * SURFACE,
+            // Beside the light the bits of valid samples, until they are told to all.
+            owned: self.light_bytes() + self.elements * size::<u16>(),
             held: self.hierarchy_bytes(),
             building: self.triangles * BUILDING,
+            moved: if shooters_in_flight > 1 { self.hierarchy_bytes() } else { 0 },
+            writing: WRITING.min(5 * self.light_bytes()),
             ..Demand::default()
         }
     }

@@ -2,4 +2,4 @@
 
 mod memory;
 
-pub use memory::Counts;
+pub use memory::{Counts, MeshPlace};

@@ -137,8 +137,8 @@ struct Side {
 fn object_grid(solution: &Solution, name: &str, spacing: f64, height: f64) -> Result<Grid, String> {
     let mesh = &solution.mesh;
     let surfaces = &solution.description.surfaces;
-    if !surfaces.iter().any(|s| s.name == name) {
-        let mut names: Vec<&str> = surfaces.iter().map(|s| s.name.as_str()).collect();
+    if !surfaces.iter().any(|s| &*s.name == name) {
+        let mut names: Vec<&str> = surfaces.iter().map(|s| &*s.name).collect();
         names.sort_unstable();
         names.dedup();
         let more = if names.len() > 100 { ", …" } else { "" };
@@ -147,7 +147,7 @@ fn object_grid(solution: &Solution, name: &str, spacing: f64, height: f64) -> Re
     }
     let mut sides = Vec::new();
     for (number, facet) in mesh.facets.iter().enumerate() {
-        if surfaces[facet.surface as usize].name == name {
+        if surfaces[facet.surface as usize].name.as_ref() == name {
             let front = facet.frame().area_vector().normalize();
             sides.push(Side { facet: number as u32, back: false, normal: front });
             if facet.double_sided() {
@@ -324,7 +324,7 @@ mod tests {
 
     #[test]
     fn objects_get_points_on_their_top_and_none_beside_it() {
-        let solution = solve(&read(FURNITURE), 0.5, 0.1);
+        let solution = solve(read(FURNITURE), 0.5, 0.1);
         let grid = request("top@0.25").points(&solution, 0.0).unwrap();
         assert_eq!((grid.columns, grid.rows, grid.points.iter().flatten().count()), (8, 4, 32));
         for point in grid.points.iter().flatten() {
@@ -340,7 +340,7 @@ mod tests {
 
     #[test]
     fn cells_are_no_larger_than_asked() {
-        let solution = solve(&read(FURNITURE), 1.0, 0.5);
+        let solution = solve(read(FURNITURE), 1.0, 0.5);
         let grid = request("0,1,0;1,1,0.9@0.3").points(&solution, 0.0).unwrap();
         assert_eq!((grid.columns, grid.rows), (4, 3));
         assert!((grid.cell[0] - 0.25).abs() < 1e-12 && (grid.cell[1] - 0.3).abs() < 1e-12);

@@ -42,7 +42,7 @@ fn lamp_light(point: &Point) -> f64 {
 
 #[test]
 fn light_of_an_open_lamp_is_its_contour() {
-    let solution = solve(&read(&(room("black") + LAMP)), 0.5, 0.01);
+    let solution = solve(read(&(room("black") + LAMP)), 0.5, 0.01);
     let mut points = Vec::new();
     for k in 0..20 {
         let t = f64::from(k) / 20.0;
@@ -62,7 +62,7 @@ fn light_of_an_open_lamp_is_its_contour() {
 
 #[test]
 fn a_furnace_gives_its_radiosity_everywhere() {
-    let mut solution = solve(&read(&closed_box("glow")), 0.25, 0.5);
+    let mut solution = solve(read(&closed_box("glow")), 0.25, 0.5);
     // Kd 0.5, Ke 1: E = B = π / (1 − 0.5).
     paint(&mut solution, |_, _| std::f64::consts::TAU);
     let mut points = Vec::new();
@@ -92,7 +92,7 @@ fn a_furnace_gives_its_radiosity_everywhere() {
 
 #[test]
 fn statuses() {
-    let solution = solve(&read(&(room("grey") + LAMP + TABLE)), 0.25, 0.001);
+    let solution = solve(read(&(room("grey") + LAMP + TABLE)), 0.25, 0.001);
     let cases = [
         (at([1.0, 0.0, 1.0], [0.0, 1.0, 0.0]), Status::Ok),
         (at([1.5, 0.4, 2.5], [0.0, 1.0, 0.0]), Status::Ok),
@@ -109,7 +109,7 @@ fn points_in_a_box_without_a_bottom_are_inside_though_its_faces_have_two_lit_sid
     // It stands across elements of the floor, which are lit in part.
     let cube = "v 1.1 0 1.1\nv 1.95 0 1.1\nv 1.95 0 1.95\nv 1.1 0 1.95\nv 1.1 .9 1.1\nv 1.95 .9 1.1\nv 1.95 .9 1.95\n\
         v 1.1 .9 1.95\nusemtl grey\no cube\nf -4 -1 -2 -3\nf -8 -4 -3 -7\nf -5 -6 -2 -1\nf -8 -5 -1 -4\nf -7 -3 -2 -6\n";
-    let solution = solve(&read(&(room("grey") + LAMP + cube)), 0.25, 0.01);
+    let solution = solve(read(&(room("grey") + LAMP + cube)), 0.25, 0.01);
     for x in [1.13, 1.3, 1.5, 1.9] {
         for y in [0.0, 0.2, 0.6, 0.88] {
             let inner = at([x, y, 1.4], [0.0, 1.0, 0.0]);
@@ -144,14 +144,14 @@ fn gathered_light_equals_the_solvers_own() {
     // Away from the room's edges, where elements hold an average and points do not.
     let away = |p: DVec3| [p.x, p.y, p.z].iter().zip([4.0, 3.0, 4.0]).filter(|&(&x, l)| x.min(l - x) < 0.3).count() < 2;
     // Nothing stands before anything: what is left is the difference of the discretisations.
-    let solution = solve(&read(&(room("grey") + &LAMP.replace("2.75", "3"))), 0.25, 1e-4);
+    let solution = solve(read(&(room("grey") + &LAMP.replace("2.75", "3"))), 0.25, 1e-4);
     let (rms, worst) = difference_from_solver(&solution, |p| away(p) && p.y < 2.7);
     assert!(rms < 0.003 && worst < 0.01, "{rms} {worst}");
 }
 
 #[test]
 fn light_of_a_lamp_behind_a_table_is_that_of_its_visible_part() {
-    let solution = solve(&read(&(room("black") + LAMP + TABLE)), 0.5, 0.01);
+    let solution = solve(read(&(room("black") + LAMP + TABLE)), 0.5, 0.01);
     let points: Vec<Point> =
         (0..24).map(|k| at([0.44 + 0.015 * f64::from(k), 0.0, 2.3 + 0.05 * f64::from(k)], [0.0, 1.0, 0.0])).collect();
     let (mut partly, mut squares) = (0, 0.0f64);
@@ -178,7 +178,7 @@ fn light_of_a_lamp_behind_a_table_is_that_of_its_visible_part() {
 
 #[test]
 fn surfaces_give_samples_as_found_and_corners_as_displayed() {
-    let solution = solve(&read(&(room("grey") + LAMP)), 0.25, 0.01);
+    let solution = solve(read(&(room("grey") + LAMP)), 0.25, 0.01);
     let smooth = Smooth::new(&solution);
     let mut compared = 0;
     for (element, corners, normal) in elements(&solution).into_iter().step_by(7) {
@@ -204,7 +204,7 @@ fn surfaces_give_samples_as_found_and_corners_as_displayed() {
 
 #[test]
 fn a_point_does_not_depend_on_the_others_nor_on_threads_and_ranks() {
-    let solution = solve(&read(&(room("grey") + LAMP + TABLE)), 0.5, 0.01);
+    let solution = solve(read(&(room("grey") + LAMP + TABLE)), 0.5, 0.01);
     let points: Vec<Point> = (0..150)
         .map(|k| f64::from(k) * 0.618_033_988_749)
         .map(|t| at([4.0 * t.fract(), 0.3 * (t * 3.0).fract(), 4.0 * (t * 7.0).fract()], [0.0, 1.0, 0.1]))

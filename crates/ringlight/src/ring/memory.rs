@@ -11,8 +11,12 @@ pub struct Demand {
     pub owned: u64,
     /// Divided among the members of a ring: the geometry in each member's hierarchy.
     pub held: u64,
-    /// Divided likewise, but only while the hierarchy is built, when nothing is owned yet.
+    /// Divided likewise, but only while a hierarchy is built.
     pub building: u64,
+    /// Divided likewise, but only while geometry moves: what shots under way still see as it was.
+    pub moved: u64,
+    /// On every rank, but only while light is written.
+    pub writing: u64,
     /// For each member of a ring, on every rank: the boxes around its shard.
     pub outline: u64,
     /// For each member of a ring, on every rank: packets that may be under way.
@@ -35,10 +39,16 @@ impl Demand {
     pub fn of_a_rank(&self, rings: Rings) -> u64 {
         let ranks = rings.ranks() as u64;
         let members = ranks / rings.rings() as u64;
-        let travelling = if rings.rings() == rings.ranks() { 0 } else { ranks.div_ceil(rings.rings() as u64) };
-        let held = self.held.div_ceil(members);
-        let solving = self.owned.div_ceil(ranks) + travelling * (self.packets + self.outline);
-        self.everywhere + held + solving.max(self.building.div_ceil(members))
+        let (held, building) = (self.held.div_ceil(members), self.building.div_ceil(members));
+        let owned = self.owned.div_ceil(ranks);
+        let rest = if rings.rings() == rings.ranks() {
+            // Built once, when nothing is owned yet.
+            building.max(owned + self.writing)
+        } else {
+            let travelling = ranks.div_ceil(rings.rings() as u64) * (self.packets + self.outline);
+            owned + travelling + self.writing.max(building + self.moved.div_ceil(members))
+        };
+        self.everywhere + held + rest
     }
 
     /// The largest number of rings with which no rank needs more than `available`: more rings mean fewer stops.
@@ -58,19 +68,32 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const DEMAND: Demand = Demand { everywhere: 10, owned: 800, held: 2400, building: 1600, outline: 0, packets: 0 };
+    const DEMAND: Demand = Demand {
+        everywhere: 10,
+        owned: 800,
+        held: 2400,
+        building: 1600,
+        moved: 0,
+        writing: 20,
+        outline: 0,
+        packets: 0,
+    };
 
     #[test]
     fn geometry_is_there_once_in_each_ring_and_light_once_in_all() {
         let of = |ranks, rings| DEMAND.of_a_rank(Rings::new(ranks, rings).unwrap());
         assert_eq!(of(1, 1), 10 + 2400 + 1600);
-        assert_eq!(of(8, 1), 10 + 300 + 200);
+        assert_eq!(of(8, 1), 10 + 300 + 100 + 200);
         assert_eq!(of(8, 8), 10 + 2400 + 1600);
-        assert_eq!(of(8, 4), 10 + 1200 + 800);
+        assert_eq!(of(8, 4), 10 + 1200 + 100 + 800);
         // Rings of 3, 3 and 2 members: the smallest counts.
-        assert_eq!(of(8, 3), of(2, 1) - 400 + 400);
+        assert_eq!(of(8, 3), of(2, 1) - 400 + 100);
+        let two_rings = Rings::new(8, 2).unwrap();
         let without_building = Demand { building: 0, ..DEMAND };
-        assert_eq!(without_building.of_a_rank(Rings::new(8, 2).unwrap()), 10 + 600 + 100);
+        assert_eq!(without_building.of_a_rank(two_rings), 10 + 600 + 100 + 20);
+        let with_shots_under_way = Demand { moved: 2400, ..DEMAND };
+        assert_eq!(with_shots_under_way.of_a_rank(two_rings), 10 + 600 + 100 + 400 + 600);
+        assert_eq!(with_shots_under_way.of_a_rank(Rings::one(1)), of(1, 1));
     }
 
     #[test]

@@ -23,5 +23,5 @@ pub use packet::{Answers, Content, Packet, Parcel, Rays, Samples};
 pub use parcel::Malformed;
 pub use partition::{Rings, owners};
 pub use pipeline::{Action, Pipeline, Visits};
-pub use routing::{Routing, Sight};
+pub use routing::{Outlines, Routing, Sight};
 pub use shard::{Bounds, Piece, ShardBox, Shards, deal, outline};

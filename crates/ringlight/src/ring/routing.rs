@@ -1,7 +1,7 @@
 //! Which members a packet visits.
 
-use super::{Aimed, Bounds, Content, Packet, Rays, ShardBox};
-use ringlight_visibility::{NO_PLANE, PreparedShooter, Region};
+use super::{Aimed, Bounds, Content, Packet, ShardBox};
+use ringlight_visibility::{Boxes, NO_PLANE, PreparedShooter, Region};
 use std::sync::Arc;
 
 /// How packets find their way.
@@ -21,22 +21,42 @@ pub enum Routing {
 pub struct Sight {
     /// The cells; none where only rays are followed.
     shooter: Arc<PreparedShooter>,
-    /// Boxes around the shard of each member of the ring.
-    outlines: Arc<Vec<Vec<ShardBox>>>,
+    outlines: Arc<Outlines>,
+}
+
+/// What all members of a ring know of each other's shards.
+#[derive(Clone, Debug)]
+pub struct Outlines(
+    /// Boxes around the shard of each member.
+    Vec<Boxes>,
     /// Around all.
-    bounds: Bounds,
+    Bounds,
+);
+
+impl Outlines {
+    /// From the boxes around the shard of each member.
+    pub fn new(shards: &[Vec<ShardBox>]) -> Outlines {
+        let plain = |part: &ShardBox| (part.bounds.low, part.bounds.high, part.plane);
+        let boxes = |shard: &Vec<ShardBox>| Boxes::new(&shard.iter().map(plain).collect::<Vec<_>>());
+        let all = shards.iter().flatten().fold(Bounds::EMPTY, |sum, part| sum.join(part.bounds));
+        Outlines(shards.iter().map(boxes).collect(), all)
+    }
+
+    /// Number of members.
+    pub fn members(&self) -> usize {
+        self.0.len()
+    }
 }
 
 impl Sight {
-    /// Of these cells, none where only rays are followed; with boxes around the shard of each member of the ring.
-    pub fn new(shooter: Arc<PreparedShooter>, outlines: Arc<Vec<Vec<ShardBox>>>) -> Sight {
-        let bounds = outlines.iter().flatten().fold(Bounds::EMPTY, |sum, part| sum.join(part.bounds));
-        Sight { shooter, outlines, bounds }
+    /// Of these cells, none where only rays are followed.
+    pub fn new(shooter: Arc<PreparedShooter>, outlines: Arc<Outlines>) -> Sight {
+        Sight { shooter, outlines }
     }
 
     /// Number of members of the ring.
     pub fn members(&self) -> usize {
-        self.outlines.len()
+        self.outlines.members()
     }
 }
 
@@ -55,29 +75,17 @@ impl Routing {
         if self == Routing::All {
             return Some(from);
         }
-        let outline = |place: usize| &sight.outlines[(packet.home as usize + place) % members];
+        let boxes = |place: usize| &sight.outlines.0[(packet.home as usize + place) % members];
         let (samples, shooter) = match &packet.content {
             Content::Samples(samples) => (samples, &*sight.shooter),
             Content::Aimed(aimed) => (&aimed.samples, aimed.shooter()),
             Content::Rays(rays) => {
-                return (from..members).find(|&place| outline(place).iter().any(|part| may_hit(rays, &part.bounds)));
+                return (from..members).find(|&place| boxes(place).may_be_hit(&rays.rays, &rays.hits));
             }
         };
-        let Bounds { low, high } = sight.bounds;
+        let Bounds { low, high } = sight.outlines.1;
         let region = Region::new(shooter, samples.points(), samples.masks(), [low, high]);
         let own = [samples.plane().unwrap_or(NO_PLANE), shooter.plane()];
-        let may_hide = |part: &ShardBox| {
-            let beside = part.plane == NO_PLANE || !own.contains(&part.plane);
-            beside && region.meets(part.bounds.low, part.bounds.high)
-        };
-        (from..members).find(|&place| outline(place).iter().any(may_hide))
+        (from..members).find(|&place| boxes(place).may_hide(&region, own))
     }
-}
-
-/// Whether a ray may hit something in the box that is as near as its nearest hit so far.
-fn may_hit(rays: &Rays, bounds: &Bounds) -> bool {
-    rays.rays.iter().zip(&rays.hits).any(|(ray, hit)| {
-        let far = hit.map_or(ray.far, |hit| hit.distance);
-        ray.may_hit(bounds.low, bounds.high, far)
-    })
 }

@@ -4,8 +4,8 @@
 mod common;
 
 use super::{
-    Action, Aimed, Answers, Bounds, Content, Packet, Parcel, Piece, Pipeline, Rays, Rings, Routing, Samples, ShardBox,
-    Shards, Sight, deal, outline,
+    Action, Aimed, Answers, Bounds, Content, Outlines, Packet, Parcel, Piece, Pipeline, Rays, Rings, Routing, Samples,
+    ShardBox, Shards, Sight, deal, outline,
 };
 use common::{Place, Random, filters, samples, shooter, triangles};
 use proptest::prelude::*;
@@ -48,7 +48,7 @@ struct Rank {
     shard: Hierarchy,
     /// First rank of its ring.
     first: usize,
-    outlines: Arc<Vec<Vec<ShardBox>>>,
+    outlines: Arc<Outlines>,
     /// Shots it has been told of; they come in order.
     known: usize,
     /// Own packets that wait for their shot and for room.
@@ -120,7 +120,7 @@ impl Task {
         for ring in 0..way.rings {
             let members = rings.members(ring);
             let (shards, outlines): (Vec<_>, Vec<_>) = self.shards(way, members.len()).into_iter().unzip();
-            let outlines = Arc::new(outlines);
+            let outlines = Arc::new(Outlines::new(&outlines));
             ranks.extend(shards.into_iter().enumerate().map(|(place, shard)| Rank {
                 pipeline: Pipeline::new(place, way.routing, way.window),
                 shard,
@@ -197,7 +197,7 @@ impl Task {
             {
                 rank.pipeline.submit(rank.waiting.pop_front().expect("there is one"));
             }
-            let members = rank.outlines.len();
+            let members = rank.outlines.members();
             assert!(rank.pipeline.held() <= members * way.window, "more packets than all windows let through");
             assert!(rank.pipeline.in_flight() <= way.window);
             let Some(action) = rank.pipeline.poll() else { continue };

@@ -2,19 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
+use std::sync::Arc;
 
-/// A place in an input file.
+/// A place in an input file. Its words are shared: every surface of a scene has a place.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Place {
     /// Name of the file, as the user gave it.
-    pub file: String,
+    pub file: Arc<str>,
     /// Where in the file: a JSON path (`nodes[3].mesh`), `line 12`, or `byte 20`.
-    pub at: String,
+    pub at: Arc<str>,
 }
 
 impl Place {
     /// A place.
-    pub fn new(file: impl Into<String>, at: impl Into<String>) -> Place {
+    pub fn new(file: impl Into<Arc<str>>, at: impl Into<Arc<str>>) -> Place {
         Place { file: file.into(), at: at.into() }
     }
 }

@@ -15,6 +15,7 @@ pub use read::{ReadOptions, read};
 
 use crate::resources::Bytes;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A checked scene.
 #[derive(Debug)]
@@ -81,8 +82,9 @@ pub struct Node {
 /// The triangles of one material under one node.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
-    /// Name by which people know it: the node's, else the mesh's, else the OBJ group's, else `surface N`.
-    pub name: String,
+    /// Name by which people know it: the node's, else the mesh's, else the OBJ group's, else `surface N`. Surfaces of one
+    /// node share it.
+    pub name: Arc<str>,
     /// Node it hangs under.
     pub node: u32,
     /// Index into [`Scene::materials`].

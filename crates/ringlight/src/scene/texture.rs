@@ -56,7 +56,11 @@ impl TextureImage {
     pub fn decode(image: &Image) -> Result<TextureImage, SceneError> {
         let error = |cause: &dyn std::fmt::Display| {
             let expected = format!("a PNG, JPEG or WebP image of at most {LARGEST_SIDE} texels a side");
-            SceneError::new(Place::new(&image.name, ""), format!("an image that cannot be decoded: {cause}"), expected)
+            SceneError::new(
+                Place::new(image.name.as_str(), ""),
+                format!("an image that cannot be decoded: {cause}"),
+                expected,
+            )
         };
         let mut limits = Limits::default();
         limits.max_image_width = Some(LARGEST_SIDE);

@@ -21,7 +21,7 @@ fn worst(solution: &Solution, light: impl Fn(DVec3, DVec3) -> f64, wanted: impl 
 #[test]
 fn inside_a_glowing_furnace_light_is_even_up_to_the_corners() {
     // Ke = 1, ρ = 0.5: E = π/(1 − 0.5) everywhere inside.
-    let solution = solve(&read(&closed_box("glow")), 0.25, 1e-3);
+    let solution = solve(read(&closed_box("glow")), 0.25, 1e-3);
     // Of the order of the point values' error near shooters of 16 cells.
     let inward = |c: &[DVec3], n: DVec3| (DVec3::splat(0.5) - c[0]).dot(n) > 0.0;
     let error = worst(&solution, |_, _| 2.0 * PI, inward);
@@ -35,7 +35,7 @@ fn inside_a_glowing_furnace_light_is_even_up_to_the_corners() {
 
 #[test]
 fn the_sides_of_a_sheet_and_the_faces_of_a_box_keep_their_own_light() {
-    let mut solution = solve(&read(&closed_box("grey")), 0.25, 1.0);
+    let mut solution = solve(read(&closed_box("grey")), 0.25, 1.0);
     let light = |_: DVec3, n: DVec3| 10.0 + n.x + 2.0 * n.y + 4.0 * n.z;
     paint(&mut solution, light);
     assert!(worst(&solution, light, |_, _| true) < 1e-5);
@@ -47,7 +47,7 @@ fn linear_light_runs_to_the_border_and_over_unequal_grids_without_a_seam() {
     let obj = "v 0 0 0\nv 1 0 0\nv 1 3 0\nv 0 3 0\nv 1 1 0\nv 1 2 0\nv 2 0 0\nv 2 1 0\nv 2 2 0\nv 2 3 0\nv 4 0 0\n\
                usemtl grey\nf 1 2 3 4\nf 2 7 8 5\nf 5 8 9 6\nf 6 9 10 3\nf 7 11 10\n";
     for element in [0.3, 0.7] {
-        let mut solution = solve(&read(obj), element, 1.0);
+        let mut solution = solve(read(obj), element, 1.0);
         let light = |p: DVec3, _: DVec3| 5.0 + p.x + 0.5 * p.y;
         paint(&mut solution, light);
         // Exact but for elements of facets cut once, whose gradient is not known.
@@ -63,7 +63,7 @@ fn no_jump_where_a_corner_lies_on_a_neighbours_edge() {
     // Three rows beside four.
     let obj = "v 0 0 0\nv 1 0 0\nv 1 1.2 0\nv 0 1.2 0\nv 1 0.0 0\nv 2 0 0\nv 2 0.9 0\nv 1 0.9 0\n\
                usemtl grey\nf 1 2 3 4\nf 5 6 7 8\n";
-    let mut solution = solve(&read(obj), 0.31, 1.0);
+    let mut solution = solve(read(obj), 0.31, 1.0);
     let light = |p: DVec3, _: DVec3| 3.0 + (p.x - 1.0) * (p.x - 1.0) + 0.3 * p.y;
     paint(&mut solution, light);
     let smooth = Smooth::new(&solution);
@@ -90,7 +90,7 @@ fn no_jump_where_a_corner_lies_on_a_neighbours_edge() {
 fn light_does_not_cross_a_wall_that_stands_on_a_floor() {
     let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 2 -1 -1\nv 2 5 -1\nv 2 5 2\nv 2 -1 2\n\
                o floor\nusemtl grey\nf 1 2 3 4\no wall\nf 5 6 7 8\n";
-    let mut solution = solve(&read(obj), 0.5, 1.0);
+    let mut solution = solve(read(obj), 0.5, 1.0);
     let light = |p: DVec3, _: DVec3| if p.x < 2.0 { 10.0 } else { 1.0 };
     paint(&mut solution, light);
     let left = worst(&solution, |_, _| 10.0, |c, n| n.z > 0.5 && c.iter().all(|p| p.x < 2.1));
@@ -108,7 +108,7 @@ fn elements_under_a_block_take_the_light_around_it() {
                v 1 1 -0.1\nv 3 1 -0.1\nv 3 3 -0.1\nv 1 3 -0.1\nv 1 1 1\nv 3 1 1\nv 3 3 1\nv 1 3 1\n\
                usemtl grey\no floor\nf 1 2 3 4\no block\nf 5 8 7 6\nf 9 10 11 12\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\n\
                f 8 5 9 12\n";
-    let mut solution = solve(&read(obj), 0.4, 1.0);
+    let mut solution = solve(read(obj), 0.4, 1.0);
     for (element, corners, normal) in elements(&solution) {
         let inside = corners.iter().all(|p| (1.0..=3.0).contains(&p.x) && (1.0..=3.0).contains(&p.y));
         let floor = normal.z > 0.5 && corners[0].z == 0.0;
@@ -133,7 +133,7 @@ fn round_things_are_smooth_and_sharp_ones_are_not() {
         obj += &format!("usemtl grey\nf {} {} {} {}\n", 4 * i + 1, 4 * i + 2, 4 * i + 3, 4 * i + 4);
         p = next;
     }
-    let mut solution = solve(&read(&obj), 5.0, 1.0);
+    let mut solution = solve(read(&obj), 5.0, 1.0);
     let light = |_: DVec3, n: DVec3| 10.0 + 5.0 * n.z;
     paint(&mut solution, light);
     let smooth = Smooth::new(&solution);
@@ -171,7 +171,7 @@ fn here(solution: &Solution) -> Inquiry<'_> {
 #[test]
 fn places_at_sample_points_have_the_light_found_there() {
     let obj = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nusemtl grey\nf 1 2 3 4\n";
-    let mut solution = solve(&read(obj), 0.5, 1.0);
+    let mut solution = solve(read(obj), 0.5, 1.0);
     // A shadow edge.
     let light = |p: DVec3, _: DVec3| if p.x + 0.3 * p.y < 2.0 { 10.0 } else { 1.0 };
     paint(&mut solution, light);
@@ -186,7 +186,7 @@ fn places_at_sample_points_have_the_light_found_there() {
 
 #[test]
 fn where_nothing_stands_corners_have_the_light_that_is_displayed() {
-    let mut solution = solve(&read(&closed_box("grey")), 0.25, 1.0);
+    let mut solution = solve(read(&closed_box("grey")), 0.25, 1.0);
     paint(&mut solution, |p, n| 3.0 + p.x * p.x + p.y * p.z + n.x);
     let inquiry = here(&solution);
     let (smooth, surface) = (Smooth::new(&solution), SurfaceLight::new(&solution));
@@ -210,7 +210,7 @@ fn a_place_has_no_light_from_behind_what_stands_on_its_element() {
                v 1.8 1.8 -0.1\nv 2.1 1.8 -0.1\nv 2.1 2.1 -0.1\nv 1.8 2.1 -0.1\n\
                v 1.8 1.8 2\nv 2.1 1.8 2\nv 2.1 2.1 2\nv 1.8 2.1 2\n\
                usemtl grey\no floor\nf 1 2 3 4\no chimney\nf 5 6 10 9\nf 6 7 11 10\nf 7 8 12 11\nf 8 5 9 12\n";
-    let mut solution = solve(&read(obj), 2.0, 1.0);
+    let mut solution = solve(read(obj), 2.0, 1.0);
     let light = |p: DVec3, _: DVec3| if p.x < 2.0 { 8.0 } else { 2.0 };
     paint(&mut solution, light);
     let inquiry = here(&solution);
@@ -242,7 +242,7 @@ fn covered_places_and_cracks_have_no_light_though_their_element_has() {
             obj += &format!("f {} {} {} {}\n", n + face[0], n + face[1], n + face[2], n + face[3]);
         }
     }
-    let mut solution = solve(&read(&obj), 4.0, 1.0);
+    let mut solution = solve(read(&obj), 4.0, 1.0);
     paint(&mut solution, |_, _| 5.0);
     let (element, _) = floor_at(&solution, 0.5, 0.5);
     solution.mesh.valid[element as usize] = 0x000f;

@@ -25,7 +25,7 @@ fn floor(side: u32) -> Solution {
         .into();
     let emission_waits = (0..mesh.patch_count()).map(|p| u8::from(p % 3 == 0)).collect::<Vec<_>>().into();
     Solution {
-        description: Description::new(&scene),
+        description: Description::new(scene),
         mesh,
         settings: SolveSettings {
             cells: 16,

@@ -2,7 +2,7 @@
 
 use super::asking;
 use crate::mesh::Mesh;
-use crate::ring::{Action, Answers, Content, Packet, Parcel, Pipeline, Rings, Routing, ShardBox, Sight, Visits};
+use crate::ring::{Action, Answers, Content, Outlines, Packet, Parcel, Pipeline, Rings, Routing, Sight, Visits};
 use crate::transport::{Communicator, Failure, Message};
 use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, PreparedShooter, Shooter, Tally};
@@ -109,14 +109,8 @@ impl RingExchange {
 
     /// Begins job `number`, which every rank of the ring does. `outlines` are the boxes around the shards of the ring's
     /// members, of which `hierarchy` is this rank's.
-    pub fn begin(
-        &mut self,
-        number: u64,
-        shooter: &Shooter,
-        outlines: Arc<Vec<Vec<ShardBox>>>,
-        hierarchy: Arc<Hierarchy>,
-    ) {
-        assert_eq!(self.outbox.len(), outlines.len(), "every member of the ring has its boxes");
+    pub fn begin(&mut self, number: u64, shooter: &Shooter, outlines: Arc<Outlines>, hierarchy: Arc<Hierarchy>) {
+        assert_eq!(self.outbox.len(), outlines.members(), "every member of the ring has its boxes");
         let shooter = Arc::new(PreparedShooter::new(shooter));
         self.pipeline.begin(number, Sight::new(shooter.clone(), outlines));
         let done = self.early.remove(&number).unwrap_or(0);

@@ -2,7 +2,7 @@
 
 use super::share::Spread;
 use crate::mesh::{self, Facet, Mesh};
-use crate::ring::{Balance, Bounds, Load, Piece, ShardBox, deal, outline};
+use crate::ring::{Balance, Bounds, Load, Outlines, Piece, ShardBox, deal, outline};
 use crate::transport::{Communicator, Failure};
 use ringlight_visibility::{Hierarchy, NO_PLANE};
 use std::ops::Range;
@@ -30,7 +30,7 @@ pub struct Holding<'a> {
     /// Over the shard of this member.
     pub hierarchy: Arc<Hierarchy>,
     /// Boxes around the shards of all.
-    pub outlines: Arc<Vec<Vec<ShardBox>>>,
+    pub outlines: Arc<Outlines>,
 }
 
 impl<'a> Holding<'a> {
@@ -42,7 +42,7 @@ impl<'a> Holding<'a> {
         let holders = deal(&pieces, members.len(), spread.shards);
         let balance = Balance::new(pieces.clone(), holders, members.len(), spread.shards, spread.moves);
         let place = rank - members.start;
-        let (nothing, outlines) = (empty(), Arc::default());
+        let (nothing, outlines) = (empty(), Arc::new(Outlines::new(&[])));
         let mut holding = Holding { mesh, members, place, run, pieces, balance, hierarchy: nothing, outlines };
         holding.outlines = holding.outlines();
         holding.hierarchy = hierarchy.unwrap_or_else(|| holding.hierarchy());
@@ -96,10 +96,11 @@ impl<'a> Holding<'a> {
         Arc::new(mesh::hierarchy_of(self.mesh, facets))
     }
 
-    fn outlines(&self) -> Arc<Vec<Vec<ShardBox>>> {
+    fn outlines(&self) -> Arc<Outlines> {
         let mut held = vec![Vec::new(); self.members.len()];
         self.balance.holders().iter().zip(&*self.pieces).for_each(|(&member, &p)| held[member as usize].push(p));
-        Arc::new(held.iter().map(|pieces| outline(pieces, OUTLINE)).collect())
+        let shards: Vec<Vec<ShardBox>> = held.iter().map(|pieces| outline(pieces, OUTLINE)).collect();
+        Arc::new(Outlines::new(&shards))
     }
 }
 

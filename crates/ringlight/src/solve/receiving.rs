@@ -52,8 +52,15 @@ pub struct Receiving<'a> {
 
 impl<'a> Receiving<'a> {
     /// The part of a rank with this share. Packets have at most `packet_size` points; `compact` ones are of one cluster
-    /// each.
-    pub fn new(mesh: &'a Mesh, share: Arc<Share>, shot: Arc<Shot>, packet_size: usize, compact: bool) -> Receiving<'a> {
+    /// each. The buffers `spare` come from [`Receiving::into_buffers`] of an earlier shot.
+    pub fn new(
+        mesh: &'a Mesh,
+        share: Arc<Share>,
+        shot: Arc<Shot>,
+        packet_size: usize,
+        compact: bool,
+        spare: Vec<Work>,
+    ) -> Receiving<'a> {
         assert!(packet_size > 0, "packets without points go nowhere");
         Receiving {
             mesh,
@@ -62,13 +69,18 @@ impl<'a> Receiving<'a> {
             packet_size,
             compact,
             next: 0,
-            slots: Vec::new(),
-            free: Vec::new(),
+            free: (0..spare.len()).collect(),
+            slots: spare.into_iter().map(|work| Slot { work, ..Slot::default() }).collect(),
             filling: VecDeque::new(),
             under_way: BTreeMap::new(),
             tickets: 0,
             seen: Vec::new(),
         }
+    }
+
+    /// Buffers that another shot may use when this one is over.
+    pub fn into_buffers(self) -> impl Iterator<Item = Work> {
+        self.slots.into_iter().map(|slot| slot.work)
     }
 
     /// Number of clusters whose masks are final and wait for [`Receiving::add_seen`].

@@ -41,6 +41,8 @@ struct Wider<'a> {
     packet_size: usize,
     /// Shots under way, by the number of their job.
     receiving: BTreeMap<u64, Receiving<'a>>,
+    /// Buffers of shots that are over.
+    spare: Vec<Work>,
     /// Jobs so far.
     jobs: u64,
     /// Tells the CPU time of this rank so far, seconds.
@@ -92,6 +94,7 @@ impl<'a> Ring<'a> {
                 holding: Holding::new(mesh, spread, rank, hierarchy),
                 packet_size: spread.packet_size,
                 receiving: BTreeMap::new(),
+                spare: Vec::new(),
                 jobs: 0,
                 clock,
                 settled: 0,
@@ -147,7 +150,14 @@ impl<'a> Ring<'a> {
         let Geometry::Spread(wider) = &mut self.geometry else { return Job(0) };
         let job = wider.begin(&shot.shooter);
         let compact = wider.exchange.wants_compact_packets();
-        let part = Receiving::new(self.mesh, self.share.clone(), shot.clone(), wider.packet_size, compact);
+        let part = Receiving::new(
+            self.mesh,
+            self.share.clone(),
+            shot.clone(),
+            wider.packet_size,
+            compact,
+            std::mem::take(&mut wider.spare),
+        );
         wider.receiving.insert(job, part);
         Job(job)
     }
@@ -188,6 +198,7 @@ impl<'a> Ring<'a> {
         }
         if let Some(mut part) = wider.receiving.remove(&job) {
             part.add_seen(light);
+            wider.spare.extend(part.into_buffers());
         }
         wider.exchange.end(job);
         wider.rebalance(ranks, job)

@@ -121,8 +121,8 @@ impl Faces {
                 self.warnings.add("clear-surface", message, surface.place.clone());
                 continue;
             }
-            let object = *numbers.entry(surface.name.as_str()).or_insert_with(|| {
-                names.push(surface.name.clone());
+            let object = *numbers.entry(&surface.name).or_insert_with(|| {
+                names.push(surface.name.to_string());
                 names.len() as u32 - 1
             });
             let mut degenerate = 0;

@@ -90,7 +90,8 @@ const SAMPLED_ROWS: usize = 64;
 ///
 /// Every rank calls it with the same faces, and computes rows of polygons: rank i of N those whose number is i modulo N. Rank
 /// 0 puts them together, hands over the rows, and alone gets the result. What later rows need waits in its `storage`, so that
-/// memory stays bounded. When any rank's watch stops, the result is none. The numbers do not depend on the number of threads or ranks, or on what waits.
+/// memory stays bounded. When any rank's watch stops, the result is none. The numbers do not depend on the number of threads
+/// or ranks, or on what waits.
 pub fn compute(
     faces: &Faces,
     occluders: &Occluders,

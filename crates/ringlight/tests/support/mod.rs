@@ -1,6 +1,8 @@
 //! Help for the tests of the scene readers: files in memory or in a folder, and scenes written in code.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+pub mod pavilion;
+
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene, SceneError, SourceTriangle};
 use serde_json::{Value, json};

@@ -231,7 +231,7 @@ impl<'a> Model<'a> {
                     _ => {
                         let mesh = place(&mut meshes, new());
                         root_of_surface = Some((primitive.surface, mesh));
-                        roots.push((surface.name.clone(), mesh));
+                        roots.push((surface.name.to_string(), mesh));
                         mesh
                     }
                 },

@@ -107,7 +107,7 @@ fn check_with_validator(name: &str, bytes: &[u8]) {
 /// A floor under two nodes, the upper one mirrored and stretched, with a camera beside it.
 fn placed_floor() -> Solution {
     let obj = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\no floor\nusemtl grey\nf 1 2 3 4\n";
-    let mut solution = solve(&read(obj), 0.25, 1.0);
+    let mut solution = solve(read(obj), 0.25, 1.0);
     let identity = DMat4::IDENTITY.to_cols_array_2d();
     let upper = DMat4::from_scale_rotation_translation(
         DVec3::new(-2.0, 1.0, 0.5),
@@ -234,7 +234,7 @@ fn emitters_show_what_they_emit_and_reflectance_is_limited() {
         "{}v 0.4 0.4 0.5\nv 0.6 0.4 0.5\nv 0.6 0.6 0.5\no lamp\nusemtl glow\nf 9 10 11\n",
         closed_box("mirror")
     );
-    let mut solution = solve(&read(&obj), 0.25, 1.0);
+    let mut solution = solve(read(&obj), 0.25, 1.0);
     paint(&mut solution, |_, _| 0.0);
     let file = write(&solution, &options(0.25));
     let materials = file.document["materials"].as_array().unwrap();
@@ -358,7 +358,7 @@ fn documents_with_data_beside_them_say_the_same() {
 fn equal_solutions_make_equal_files_for_any_number_of_threads() {
     let obj =
         format!("{}v 0.4 0.4 0.5\nv 0.6 0.4 0.5\nv 0.6 0.6 0.5\no lamp\nusemtl glow\nf 9 10 11\n", closed_box("grey"));
-    let solution = solve(&read(&obj), 0.1, 0.1);
+    let solution = solve(read(&obj), 0.1, 0.1);
     assert!(elements(&solution).len() > 1000);
     let bytes = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -370,7 +370,7 @@ fn equal_solutions_make_equal_files_for_any_number_of_threads() {
 
 #[test]
 fn a_model_beyond_4_gib_is_refused_before_there_is_light() {
-    let mut solution = solve(&read(&closed_box("grey")), 0.25, 1.0);
+    let mut solution = solve(read(&closed_box("grey")), 0.25, 1.0);
     // Fronts and backs of six faces of 4 × 4 elements, nothing left out.
     let length = 12 * (25 * 20 + 16 * 2 * 3 * 2);
     assert_eq!((write(&solution, &options(1.0)).data.len() as u64, least_length(&solution.mesh)), (length, length));

@@ -180,7 +180,8 @@ fn rough<'a>(
     };
     ring.ask(ranks, (rank as u32..rows).step_by(size), task, |row| own.push(row))?;
     own.sort_unstable_by_key(|(row, _)| *row);
-    let words: Vec<[u32; Sample::WORDS]> = own.iter().flat_map(|(_, row)| row.iter().map(Sample::to_words)).collect();
+    let words = own.iter().flat_map(|(_, row)| row).map(|sample| sample.to_words());
+    let words: Vec<[u32; Sample::WORDS]> = words.collect();
     let all = ranks.all_gather(SAMPLES, bytemuck::cast_slice(&words).to_vec())?;
     let all: Vec<Vec<[u32; Sample::WORDS]>> = all.iter().map(|part| bytemuck::pod_collect_to_vec(part)).collect();
     let row = |row: usize| all[row % size].chunks(columns as usize).nth(row / size).unwrap_or_default();

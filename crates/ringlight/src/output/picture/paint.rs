@@ -32,7 +32,7 @@ impl Sample {
     /// Words of a sample as it travels.
     pub const WORDS: usize = 6;
 
-    pub fn to_words(&self) -> [u32; Sample::WORDS] {
+    pub fn to_words(self) -> [u32; Sample::WORDS] {
         let [r, g, b] = self.radiance.map(f32::to_bits);
         let illuminance = self.illuminance.unwrap_or_default().to_bits();
         [r, g, b, illuminance, self.illuminance.is_some().into(), self.emits.into()]

@@ -75,7 +75,7 @@ fn ambient_light_is_added_to_the_irradiance() {
 fn half_of_what_is_behind_is_seen_through_a_surface_that_covers_half() {
     let mut solution = scenes::solved(scenes::LAMP_OVER_FLOOR, 1.0);
     // The lamp, seen from above, hides the floor; now it lets half of it through.
-    let lamp = solution.description.surfaces.iter().position(|s| s.name == "lamp").unwrap();
+    let lamp = solution.description.surfaces.iter().position(|s| &*s.name == "lamp").unwrap();
     let view = options(towards([0.0, 4.0, 0.0], [0.0, 0.0, 0.01]));
     let opaque = draw(&solution, &view).linear[24 * 8 + 12];
     solution.mesh.occluder.coverage[lamp] = 0.5;
@@ -216,7 +216,7 @@ fn textures_are_shown_in_full_although_elements_know_their_mean_only() {
     let (name, media_type) = ("halves.png".into(), "image/png".into());
     solution.description.images = vec![crate::solution::ImageReference { name, media_type, hash: String::new() }];
     let wrap = [crate::scene::Wrap::Clamp; 2];
-    let surface = solution.description.surfaces.iter().position(|s| s.name == "floor").unwrap();
+    let surface = solution.description.surfaces.iter().position(|s| &*s.name == "floor").unwrap();
     let material = solution.description.surfaces[surface].material as usize;
     let texture = crate::scene::Texture { image: 0, wrap, nearest: true };
     solution.description.materials[material].base_texture = Some(texture);
@@ -243,7 +243,7 @@ fn a_front_is_seen_although_another_surfaces_back_lies_in_the_same_place() {
     ] {
         let mut scene = crate::output::fixture::read(&format!("{square}{obj}"));
         scene.materials.iter_mut().for_each(|m| m.double_sided = false);
-        let solution = crate::output::fixture::solve(&scene, 1.0, 0.01);
+        let solution = crate::output::fixture::solve(scene, 1.0, 0.01);
         let above = draw(&solution, &options(towards([0.1, 1.0, 0.1], [0.1, 0.0, 0.09])));
         assert!(above.linear.iter().all(|l| (l[0] / 10.0 - 1.0).abs() < 1e-5));
         let below = draw(&solution, &options(towards([0.1, -1.0, 0.1], [0.1, 0.0, 0.09])));

@@ -4,6 +4,7 @@ use super::accessor::Elements;
 use super::nodes::compose;
 use crate::scene::{Geometry, Place, SceneError, SourceTriangle};
 use glam::{DMat3, DMat4, DVec3};
+use std::sync::Arc;
 
 /// Metres. Farther out, areas and volumes would leave the range of 32-bit floats.
 const MOST_DISTANT: f64 = 1e12;
@@ -61,7 +62,7 @@ impl UvTransform {
 #[derive(Debug)]
 pub(super) struct Primitive {
     /// JSON path.
-    pub path: String,
+    pub path: Arc<str>,
     pub mode: Mode,
     pub indices: Option<Elements>,
     pub positions: Elements,

@@ -27,6 +27,7 @@ use glam::DMat4;
 use json::Document;
 use materials::{Materials, UvSources};
 use nodes::Hierarchy;
+use std::sync::Arc;
 use views::{Slice, Views, find};
 
 /// More surfaces than this are refused: meshes times instances can ask for more than any memory holds.
@@ -60,6 +61,7 @@ pub fn read(name: &str, bytes: Bytes, resources: &dyn Resources) -> Result<Scene
 
     let mut builder = Builder {
         name,
+        file: name.into(),
         document: &document,
         views: &mut views,
         warnings: &mut warnings,
@@ -139,6 +141,8 @@ fn used_materials(document: &Document, hierarchy: &Hierarchy) -> Vec<bool> {
 /// Gathers surfaces node by node.
 struct Builder<'a, 'd> {
     name: &'a str,
+    /// The same name, shared by the surfaces' places.
+    file: Arc<str>,
     document: &'d Document,
     views: &'a mut Views<'d>,
     warnings: &'a mut Warnings,
@@ -174,7 +178,7 @@ impl Builder<'_, '_> {
             return Err(self.views.error(&path, found, format!("at most {MOST_SURFACES}")));
         }
         let known_name = Some(node.name.as_str()).filter(|name| !name.is_empty()).or(mesh.name.as_deref());
-        let known_name = known_name.filter(|name| !name.is_empty()).map(shorten);
+        let known_name = known_name.filter(|name| !name.is_empty()).map(|name| Arc::from(shorten(name)));
         for instance in 0..instance_count as u32 {
             for &primitive in &primitives {
                 let Some(shown) = find(&self.geometry.primitives, primitive) else { continue };
@@ -182,15 +186,14 @@ impl Builder<'_, '_> {
                     (Some(last), Some(surface)) => last.first_face.saturating_add(surface.triangles),
                     _ => 0,
                 };
-                let name =
-                    known_name.map_or_else(|| format!("surface {}", self.surfaces.len()), |name| name.to_owned());
+                let name = known_name.clone().unwrap_or_else(|| format!("surface {}", self.surfaces.len()).into());
                 self.surfaces.push(Surface {
                     name,
                     node: slot,
                     material: shown.material,
                     triangles: shown.triangles as u64,
                     has_colours: shown.colours.is_some(),
-                    place: Place::new(self.name, shown.path.as_str()),
+                    place: Place::new(self.file.clone(), shown.path.clone()),
                 });
                 self.geometry.sources.push(Source { primitive, placement, instance, first_face });
             }

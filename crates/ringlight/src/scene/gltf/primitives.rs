@@ -85,7 +85,7 @@ impl Reading<'_, '_> {
         let joints = self.joints(vertices)?;
         let targets = self.targets(vertices)?;
         let triangles = mode.triangles(corners);
-        let path = self.path;
+        let path = self.path.into();
         Ok(Some(Primitive {
             path,
             mode,

@@ -45,7 +45,7 @@ pub fn read(name: &str, bytes: Bytes, resources: &dyn Resources, unit_in_metres:
         }
         let node = &nodes[part.node as usize].name;
         surfaces.push(Surface {
-            name: if node.is_empty() { format!("surface {number}") } else { node.clone() },
+            name: if node.is_empty() { format!("surface {number}").into() } else { node.as_str().into() },
             node: part.node,
             material: part.material,
             triangles: part.triangles.into(),

@@ -45,7 +45,7 @@ fn area(triangle: &SourceTriangle) -> f64 {
 }
 
 fn codes(scene: &Scene) -> Vec<(&str, u64, &str)> {
-    scene.warnings.0.iter().map(|w| (w.code.as_str(), w.count, w.first_place.at.as_str())).collect()
+    scene.warnings.0.iter().map(|w| (w.code.as_str(), w.count, &*w.first_place.at)).collect()
 }
 
 const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n";
@@ -61,7 +61,7 @@ fn objects_groups_and_materials_become_nodes_and_surfaces() {
     assert_eq!(scene.name, "scene");
     let nodes: Vec<_> = scene.nodes.iter().map(|node| (node.name.as_str(), node.parent)).collect();
     assert_eq!(nodes, [("table", None), ("legs", Some(0))]);
-    let surfaces: Vec<_> = scene.surfaces.iter().map(|s| (s.name.as_str(), s.node, s.material, s.triangles)).collect();
+    let surfaces: Vec<_> = scene.surfaces.iter().map(|s| (&*s.name, s.node, s.material, s.triangles)).collect();
     assert_eq!(surfaces, [("table", 0, 0, 2), ("legs", 1, 1, 4)]);
     let faces = |surface| triangles(&scene, surface).iter().map(|triangle| triangle.face).collect::<Vec<_>>();
     assert_eq!((faces(0), faces(1)), (vec![0, 4], vec![1, 1, 2, 3]));

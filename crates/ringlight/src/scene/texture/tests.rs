@@ -138,7 +138,7 @@ fn an_image_larger_than_its_bytes_is_refused() {
     let image =
         Image { name: "x.png".into(), media_type: "image/png".into(), bytes: crate::resources::Bytes::new(png) };
     let error = TextureImage::decode(&image).expect_err("too large");
-    assert_eq!(error.place.file, "x.png");
+    assert_eq!(&*error.place.file, "x.png");
 }
 
 #[test]

@@ -38,9 +38,11 @@ const NAME: usize = 24;
 /// Most bytes of a section before it is compressed; one cluster's light may be more.
 const SECTION: usize = 1 << 20;
 
-/// The arrays in the order in which they stand, all before the light.
-const ARRAYS: [&str; 12] = [
-    "header",
+/// The first array.
+const HEADER: &str = "header";
+
+/// The arrays between the header and the light, in the order in which they stand.
+const ARRAYS: [&str; 11] = [
     "facets",
     "patch-facets",
     "clusters",

@@ -1,7 +1,7 @@
 //! Reading: the mesh, and of the light what is asked for.
 
 use super::sections::{Section, Sections};
-use super::{FileError, Header, LIGHT, SECTION, StoredCluster, damaged};
+use super::{FileError, HEADER, Header, LIGHT, SECTION, StoredCluster, damaged};
 use crate::column::Store;
 use crate::mesh::{Cluster, Colour, Mesh, Occluder};
 use crate::shooting::{ClusterLight, PatchLight};
@@ -33,11 +33,11 @@ impl<'a> SolutionFile<'a> {
     /// Reads the directory and what is not light or mesh.
     pub fn open(bytes: &'a [u8]) -> Result<SolutionFile<'a>, FileError> {
         let sections = Sections::find(bytes)?;
-        let header: Header<'static> = serde_json::from_slice(&sections.array::<u8>("header", Store::Heap)?)
-            .map_err(|e| damaged("header", &e.to_string()))?;
+        let header: Header<'static> = serde_json::from_slice(&sections.array::<u8>(HEADER, Store::Heap)?)
+            .map_err(|e| damaged(HEADER, &e.to_string()))?;
         let Description { nodes, materials, surfaces, .. } = &*header.description;
         if surfaces.iter().any(|s| s.material as usize >= materials.len() || s.node as usize >= nodes.len()) {
-            return Err(damaged("header", "a surface refers to what is not there"));
+            return Err(damaged(HEADER, "a surface refers to what is not there"));
         }
         Ok(SolutionFile { sections, header })
     }

@@ -1,6 +1,6 @@
 //! The sections of a file that is read: found at once, checked and unpacked when they are asked for.
 
-use super::{ARRAYS, FileError, LIGHT, MAGIC, NAME, SECTION, VERSION, damaged};
+use super::{ARRAYS, FileError, HEADER, LIGHT, MAGIC, NAME, SECTION, VERSION, damaged};
 use crate::column::{Column, Store};
 use bytemuck::Pod;
 use rayon::prelude::*;
@@ -59,7 +59,7 @@ impl<'a> Sections<'a> {
     /// Every section belongs to an array of which it and all before it are there.
     fn check_names(&self) -> Result<(), FileError> {
         let counts: BTreeMap<&str, usize> =
-            ARRAYS.iter().chain([&LIGHT]).map(|&name| (name, self.of(name).count())).collect();
+            [&HEADER].into_iter().chain(&ARRAYS).chain([&LIGHT]).map(|&name| (name, self.of(name).count())).collect();
         let belongs = |name: &str| {
             name.rsplit_once('-').is_some_and(|(array, number)| {
                 number.parse().is_ok_and(|number: usize| counts.get(array).is_some_and(|&count| number < count))

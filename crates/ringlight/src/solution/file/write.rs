@@ -1,6 +1,6 @@
 //! Writing: a few sections are compressed side by side, and written in order.
 
-use super::{ARRAYS, Header, LIGHT, MAGIC, NAME, SECTION, StoredCluster, VERSION};
+use super::{ARRAYS, HEADER, Header, LIGHT, MAGIC, NAME, SECTION, StoredCluster, VERSION};
 use crate::mesh::{Cluster, Mesh};
 use crate::solution::light::{length, runs};
 use crate::solution::{Snapshot, Solution};
@@ -77,13 +77,19 @@ impl<'w> Writer<'w> {
 
     /// Writes all that is not light. So many sections of light follow.
     pub fn begin(&mut self, snapshot: &Snapshot<'_>, light_sections: usize) -> io::Result<()> {
-        let header = header(snapshot)?;
-        let arrays = arrays(&header, snapshot.mesh);
+        let header = header(snapshot);
+        // Written twice rather than held: it has all nodes and surfaces.
+        let mut length = Length(0);
+        serde_json::to_writer(&mut length, &header)?;
+        let arrays = arrays(snapshot.mesh);
         let mut sections = arrays.iter().flat_map(|a| (0..a.sections()).map(move |number| (a, number)));
         self.0.write_all(MAGIC)?;
         self.0.write_all(&VERSION.to_le_bytes())?;
-        let count = u32::try_from(sections.clone().count() + light_sections).map_err(io::Error::other)?;
-        self.0.write_all(&count.to_le_bytes())?;
+        let count = length.0.div_ceil(SECTION) + sections.clone().count() + light_sections;
+        self.0.write_all(&u32::try_from(count).map_err(io::Error::other)?.to_le_bytes())?;
+        let mut text = Text { writer: self, number: 0, bytes: Vec::with_capacity(SECTION) };
+        serde_json::to_writer(&mut text, &header)?;
+        text.flush()?;
         loop {
             let batch: Vec<_> = sections.by_ref().take(BATCH).collect();
             if batch.is_empty() {
@@ -115,6 +121,50 @@ impl<'w> Writer<'w> {
             self.0.write_all(&(stored.len() as u64).to_le_bytes())?;
             self.0.write_all(hash.as_bytes())?;
             self.0.write_all(&stored)?;
+        }
+        Ok(())
+    }
+}
+
+/// Counts what is written.
+struct Length(usize);
+
+impl Write for Length {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0 += bytes.len();
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Writes the header section by section.
+struct Text<'a, 'w> {
+    writer: &'a mut Writer<'w>,
+    /// Of the next section.
+    number: usize,
+    /// Its bytes so far.
+    bytes: Vec<u8>,
+}
+
+impl Write for Text<'_, '_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let taken = bytes.len().min(SECTION - self.bytes.len());
+        self.bytes.extend_from_slice(&bytes[..taken]);
+        if self.bytes.len() == SECTION {
+            self.flush()?;
+        }
+        Ok(taken)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        if !self.bytes.is_empty() {
+            let section = (format!("{HEADER}-{}", self.number), Cow::Borrowed(&self.bytes[..]));
+            self.writer.sections([section].into_par_iter())?;
+            self.number += 1;
+            self.bytes.clear();
         }
         Ok(())
     }
@@ -162,10 +212,10 @@ impl<'a> Array<'a> {
     }
 }
 
-fn header(snapshot: &Snapshot<'_>) -> io::Result<Vec<u8>> {
+fn header<'a>(snapshot: &Snapshot<'a>) -> Header<'a> {
     let Snapshot { description, mesh, settings, ledger, energy } = *snapshot;
     let occluder = &mesh.occluder;
-    let header = Header {
+    Header {
         description: Cow::Borrowed(description),
         settings: *settings,
         energy: *energy,
@@ -178,26 +228,13 @@ fn header(snapshot: &Snapshot<'_>) -> io::Result<Vec<u8>> {
         coverage: Cow::Borrowed(&occluder.coverage),
         cutout: Cow::Borrowed(&occluder.cutout),
         bitmaps: occluder.bitmaps.iter().map(|b| [b.width, b.height]).collect(),
-    };
-    serde_json::to_vec(&header).map_err(io::Error::other)
+    }
 }
 
-/// All arrays but the light, in the order of [`ARRAYS`].
-fn arrays<'a>(header: &'a [u8], mesh: &'a Mesh) -> [Array<'a>; ARRAYS.len()] {
-    let [
-        head,
-        facets,
-        patch_facets,
-        clusters,
-        base_uv,
-        emission_uv,
-        vertices,
-        surfaces,
-        colours,
-        valid,
-        coverage,
-        bits,
-    ] = ARRAYS;
+/// All arrays but the header and the light, in the order of [`ARRAYS`].
+fn arrays(mesh: &Mesh) -> [Array<'_>; ARRAYS.len()] {
+    let [facets, patch_facets, clusters, base_uv, emission_uv, vertices, surfaces, colours, valid, coverage, bits] =
+        ARRAYS;
     let occluder = &mesh.occluder;
     let bitmaps = Array {
         name: bits,
@@ -209,7 +246,6 @@ fn arrays<'a>(header: &'a [u8], mesh: &'a Mesh) -> [Array<'a>; ARRAYS.len()] {
         }),
     };
     [
-        Array::of(head, header),
         Array::of(facets, &mesh.facets),
         Array::of(patch_facets, &mesh.patch_facets),
         Array::made(clusters, &mesh.clusters, |c| StoredCluster::from(c)),
