@@ -8,7 +8,7 @@ fn what_is_read_does_not_depend_on_ranks_and_rings() {
     let workshop = Workshop::new();
     workshop.prepare_readers();
     for (verb, outputs) in READERS {
-        workshop.ringlight(&format!("{verb} {}", Workshop::named(outputs, "one"))).assert().code(0);
+        workshop.ringlight(&format!("{verb} {} --force", Workshop::named(outputs, "one"))).assert().code(0);
         let ways: &[&str] = match verb.starts_with("viewfactors") {
             true => &["--ranks 2", "--ranks 3 --threads 2"],
             false => &[

@@ -94,7 +94,7 @@ fn what_is_read_does_not_depend_on_ranks() {
     let workshop = Workshop::new();
     workshop.prepare_readers();
     for (verb, outputs) in READERS {
-        workshop.ringlight(&format!("{verb} {}", Workshop::named(outputs, "one"))).assert().code(0);
+        workshop.ringlight(&format!("{verb} {} --force", Workshop::named(outputs, "one"))).assert().code(0);
         for ranks in [2, 3] {
             let (code, words) = run(&workshop, ranks, &format!("{verb} {} --force", Workshop::named(outputs, "many")));
             assert_eq!(code, Some(0), "{verb} on {ranks} ranks: {words}");
