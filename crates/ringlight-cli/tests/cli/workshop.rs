@@ -115,7 +115,7 @@ impl Workshop {
         self.bake("-o part.ringlight --until 0.05").assert().code(0);
         let row = |k: u32| {
             let [x, y, z] = [0.618, 0.755, 0.57].map(|step| 0.1 + 1.8 * (f64::from(k) * step).fract());
-            if k % 2 == 0 { format!("{x},0,{z},0,1,0\n") } else { format!("{x},{y},{z},0.5,-1,0.25\n") }
+            if k.is_multiple_of(2) { format!("{x},0,{z},0,1,0\n") } else { format!("{x},{y},{z},0.5,-1,0.25\n") }
         };
         self.put("points.csv", "x,y,z,nx,ny,nz\n".to_owned() + &(0..150).map(row).collect::<String>());
     }
