@@ -32,7 +32,7 @@ def bake(path, folder, ranks, flags):
     """What the report says of a run on so many ranks."""
     report, solution = os.path.join(folder, "report.json"), os.path.join(folder, "out.ringlight")
     run = [COMMAND, "bake", path, "-o", solution, "--report", report, "--scratch", folder, "--quality", "draft",
-           "--max-shots", "3", "--progress", "none", "--force"] + flags
+           "--max-shots", "3", "--quiet", "--force"] + flags
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1",
                        OMPI_MCA_rmaps_base_oversubscribe="1", OMPI_MCA_mpi_yield_when_idle="1")
     if ranks > 1:
@@ -83,6 +83,6 @@ with tempfile.TemporaryDirectory() as temporary:
         if arguments.results:
             new = not os.path.exists(arguments.results)
             with open(arguments.results, "a", newline="") as file:
-                writer = csv.DictWriter(file, COLUMNS)
+                writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
                 writer.writerows(([dict(zip(COLUMNS, COLUMNS))] if new else []) + [line])
 sys.exit(0 if fine else 1)

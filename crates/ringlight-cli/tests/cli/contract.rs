@@ -52,6 +52,33 @@ fn values_that_make_no_sense_are_usage_errors_and_nothing_is_written() {
     assert_eq!(workshop.files(), before);
 }
 
+/// What scripts may rely on, each in its shortest form; of what is still missing, the refusal names it.
+#[test]
+fn every_flag_of_bake_works_or_is_refused_by_its_name() {
+    let workshop = Workshop::new();
+    let bake = |flags: &str| {
+        let quick =
+            "bake box.obj -o a.ringlight -o a.png --size 16x9 --patch-size 1 --element-size 0.5 --max-shots 2 --force";
+        workshop.ringlight(quick).args(flags.split_whitespace()).assert()
+    };
+    for flags in [
+        "--solver plain --until 0.5 --cells 1 --shoot average --unit cm --sky 2",
+        "--quality draft --time-limit 60 --cells 64 --shoot elements --unit m --sky 1,2,3 --ambient",
+        "--quality draft --threads 2 --ranks 2 --rings auto --memory-per-rank 2GiB --packet-size 9 --shards random",
+        "--quality draft --ranks 3 --rings 2 --shooters-in-flight 2 --routing all --shards spatial",
+        "--quality draft --checkpoint c.ringlight@5 --report r.json --progress plain --exposure 3 -v",
+        "--quality draft --camera 1,1,1.8;1,1,0;80 --exposure auto --tone none --progress none",
+        "--quality draft --tone filmic --false-colour lux --progress json --quiet",
+    ] {
+        bake(flags).code(0);
+    }
+    for (flags, named) in
+        [("--solver group", "--solver"), ("--error 0.01", "--error"), ("--view", "--view"), ("--view=:80", "--view")]
+    {
+        bake(flags).code(2).stderr(contains("error:").and(contains(named)));
+    }
+}
+
 #[test]
 fn files_that_are_there_are_not_overwritten_without_force() {
     let workshop = Workshop::new();
