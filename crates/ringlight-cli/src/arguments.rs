@@ -272,6 +272,10 @@ pub struct ViewFactors {
     /// Unit of an OBJ file's lengths; metres by default
     #[arg(long, value_enum)]
     pub unit: Option<UnitChoice>,
+    /// Ranks, as threads of this process; each has a share of the rows, and all of the scene. Under an MPI launcher its -n says
+    /// how many there are
+    #[arg(long, value_name = "N", value_parser = values::threads)]
+    pub ranks: Option<usize>,
     /// Threads of each rank; its share of the cores by default. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,

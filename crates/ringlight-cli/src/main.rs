@@ -55,7 +55,7 @@ fn place(verb: &Verb) -> Result<(Launch, Option<usize>), Failure> {
         Verb::Resume(resume) => return Ok((Launch::spread(resume.spread.ranks)?, resume.running.threads)),
         Verb::Export(verb) | Verb::Render(verb) => return Ok((Launch::spread(verb.spread.ranks)?, verb.threads)),
         Verb::Probe(probe) => return Ok((Launch::spread(probe.spread.ranks)?, probe.threads)),
-        Verb::ViewFactors(factors) => ("viewfactors", factors.threads),
+        Verb::ViewFactors(factors) => return Ok((Launch::spread(factors.ranks)?, factors.threads)),
         Verb::Inspect(inspect) => ("inspect", inspect.threads),
         Verb::Completions { .. } => ("completions", Some(1)),
     };
@@ -70,7 +70,7 @@ fn act(verb: &Verb, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
         Verb::Render(export) => export::render(export, ranks),
         Verb::Probe(probe) => probe::probe(probe, ranks),
         Verb::Inspect(inspect) => inspect::inspect(inspect),
-        Verb::ViewFactors(factors) => viewfactors::viewfactors(factors),
+        Verb::ViewFactors(factors) => viewfactors::viewfactors(factors, ranks),
         Verb::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Arguments::command(), "ringlight", &mut script);

@@ -1,8 +1,9 @@
 //! `viewfactors`: scene → matrix of area-averaged form factors, with its audit.
 
-use crate::arguments::{PerChoice, SidesChoice, ViewFactors};
+use crate::arguments::{PerChoice, ProgressChoice, SidesChoice, ViewFactors};
 use crate::failure::{End, Failure};
 use crate::files::{self, NewFile};
+use crate::launch::{self, COMMAND};
 use crate::progress::{Reporter, Stage};
 use crate::run::warning;
 use crate::signals::Signals;
@@ -14,10 +15,11 @@ use ringlight::output::report::{self, ReportedWarning};
 use ringlight::output::{FactorForm, FactorValue, FactorWriter};
 use ringlight::scene::{Place, Warnings};
 use ringlight::solve::StopReason;
+use ringlight::transport::Communicator;
 use ringlight::view_factor::{self, Auditor, Computed, Faces, MatrixSettings, Occluders, Pairs, Per, Reciprocity};
-use ringlight::view_factor::{RowSums, Sides, Tolerance};
+use ringlight::view_factor::{RowSums, Sides, Storage, Tolerance, Watch};
 use serde::Serialize;
-use std::io::{self, Write};
+use std::io::{self, Cursor, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -49,11 +51,11 @@ const ABOUT_LOOKS: [&str; 17] = [
 const MANY_VALUES: f64 = 1e8;
 
 /// Computes and writes.
-pub fn viewfactors(arguments: &ViewFactors) -> Result<End, Failure> {
-    let mut run = Run::begin(arguments)?;
+pub fn viewfactors(arguments: &ViewFactors, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
+    let mut run = Run::begin(arguments, ranks)?;
     let path = arguments.scene.as_path();
     let targets = targets(arguments)?;
-    outputs::check_files(&targets, path, arguments.force)?;
+    launch::on_first_rank(run.ranks, || outputs::check_files(&targets, path, arguments.force))?;
     run.reporter.stage(Stage::Load);
     let (mut scene, read) = input::scene(path, arguments.unit, Store::Heap)?;
     outputs::check_unread(&targets, &read)?;
@@ -83,21 +85,24 @@ pub fn viewfactors(arguments: &ViewFactors) -> Result<End, Failure> {
     run.seconds.build = run.lap();
     run.reporter.stage(Stage::Solve);
     let settings = settings(arguments);
-    let Some(done) = run.compute(&faces, &occluders, &settings)? else {
-        run.say("stopped: nothing was written");
-        return Ok(run.stopped());
-    };
+    let done = run.compute(&faces, &occluders, &settings)?;
     run.seconds.solve = run.lap();
     run.reporter.stage(Stage::Write);
-    run.warn(&noticed(arguments, &faces, &done));
-    // The audit comes first: a signal during it still leaves no file.
-    let audit = || view_factor::reciprocity(&faces, &occluders, &settings.tolerance, &done.computed);
-    let reciprocity = arguments.report.as_ref().map(|_| audit());
-    run.seconds.audit = run.lap();
-    if run.stopped() != End::Done {
-        run.say("stopped: nothing was written");
-        return Ok(run.stopped());
+    let mut reciprocity = None;
+    if let Some(done) = &done {
+        run.warn(&noticed(arguments, &faces, done));
+        // The audit comes first: a signal during it still leaves no file.
+        let audit = || view_factor::reciprocity(&faces, &occluders, &settings.tolerance, &done.computed);
+        reciprocity = arguments.report.as_ref().map(|_| audit());
     }
+    run.seconds.audit = run.lap();
+    let stopped = run.stopped()?;
+    if stopped != End::Done {
+        run.say("stopped: nothing was written");
+        return Ok(stopped);
+    }
+    // The first rank has it all.
+    let Some(done) = done else { return Ok(End::Done) };
     for (file, path) in done.files {
         file.finish().with_context(|| cannot_write(&path))?;
     }
@@ -180,8 +185,9 @@ fn summary(faces: &Faces, pairs: &Pairs, sums: &RowSums, values: u64, seconds: f
 }
 
 /// What lasts from the start of the command to its end.
-struct Run<'a> {
+struct Run<'a, 'b> {
     arguments: &'a ViewFactors,
+    ranks: &'a mut Communicator<'b>,
     start: Instant,
     lap: Instant,
     signals: Signals,
@@ -238,13 +244,15 @@ struct SceneCounts {
     area: f64,
 }
 
-impl<'a> Run<'a> {
-    fn begin(arguments: &'a ViewFactors) -> Result<Run<'a>, Failure> {
+impl<'a, 'b> Run<'a, 'b> {
+    /// Begins, on every rank; only the first one speaks and writes.
+    fn begin(arguments: &'a ViewFactors, ranks: &'a mut Communicator<'b>) -> Result<Run<'a, 'b>, Failure> {
         let start = Instant::now();
         let signals = Signals::listen().context("signals cannot be listened to")?;
-        let reporter = Reporter::new(arguments.progress, arguments.quiet, false, start).counting_pairs();
+        let progress = if ranks.rank() == 0 { arguments.progress } else { ProgressChoice::None };
+        let reporter = Reporter::new(progress, arguments.quiet, false, start).counting_pairs();
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
-        Ok(Run { arguments, start, lap: start, signals, reporter, seconds, warnings })
+        Ok(Run { arguments, ranks, start, lap: start, signals, reporter, seconds, warnings })
     }
 
     /// Seconds since the last lap.
@@ -254,7 +262,7 @@ impl<'a> Run<'a> {
     }
 
     fn say(&self, text: &str) {
-        if !self.arguments.quiet {
+        if self.ranks.rank() == 0 && !self.arguments.quiet {
             self.reporter.say(text);
         }
     }
@@ -266,25 +274,33 @@ impl<'a> Run<'a> {
         self.warnings.0.extend(warnings.0.iter().cloned());
     }
 
-    fn stopped(&self) -> End {
-        match self.signals.reason() {
-            Some(StopReason::Interrupted) => End::Interrupted,
-            Some(_) => End::Terminated,
-            None => End::Done,
-        }
+    /// What a signal to any rank ends all of them with.
+    fn stopped(&mut self) -> Result<End, Failure> {
+        let own = match self.signals.reason() {
+            Some(StopReason::Interrupted) => [2],
+            Some(_) => [1],
+            None => [0],
+        };
+        Ok(match self.ranks.all_reduce(COMMAND, own, |[a], [b]| [a.max(b)])? {
+            [0] => End::Done,
+            [1] => End::Terminated,
+            _ => End::Interrupted,
+        })
     }
 
-    /// Computes the matrix and writes it as it comes, under temporary names; none if a signal came.
+    /// Computes the matrix with all ranks; the first one writes it as it comes, under temporary names. None on the others,
+    /// and if a signal came.
     fn compute(
         &mut self,
         faces: &Faces,
         occluders: &Occluders,
         settings: &MatrixSettings,
     ) -> Result<Option<Done>, Failure> {
+        let first = self.ranks.rank() == 0;
         let factors = self.arguments.output.iter().map(|matrix| (matrix, FactorValue::Factor));
         let errors = self.arguments.errors.iter().map(|matrix| (matrix, FactorValue::Error));
         let mut writers = Vec::new();
-        for (Matrix { path, numpy }, value) in factors.chain(errors) {
+        for (Matrix { path, numpy }, value) in factors.chain(errors).filter(|_| first) {
             let form = match (numpy, self.arguments.min) {
                 (true, _) => FactorForm::Numpy,
                 (false, Some(least)) => FactorForm::Sparse(least),
@@ -294,8 +310,12 @@ impl<'a> Run<'a> {
             writers.push((begun.with_context(|| cannot_write(path))?, path));
         }
         let folder = files::folder_of(&self.arguments.output[0].path);
-        let mut waiting = tempfile::tempfile_in(folder)
-            .with_context(|| format!("{}: no temporary file can be made there", folder.display()))?;
+        let mut waiting: Box<dyn Storage> = if first {
+            let file = tempfile::tempfile_in(folder);
+            Box::new(file.with_context(|| format!("{}: no temporary file can be made there", folder.display()))?)
+        } else {
+            Box::new(Cursor::new(Vec::new()))
+        };
         let mut auditor = Auditor::new(faces);
         let mut failed = None;
         let mut rows = |row: view_factor::Row<'_>| {
@@ -308,7 +328,8 @@ impl<'a> Run<'a> {
         let (begun, signals, reporter) = (Instant::now(), &self.signals, &mut self.reporter);
         let mut progress = |pairs: &Pairs| reporter.pairs(pairs, begun, false);
         let stops = || signals.reason().is_some();
-        let result = view_factor::compute(faces, occluders, settings, &mut waiting, &mut rows, &mut progress, &stops);
+        let watch = Watch { progress: &mut progress, stops: &stops };
+        let result = view_factor::compute(faces, occluders, settings, &mut *waiting, &mut rows, watch, self.ranks)?;
         let place = failed.as_deref().unwrap_or(folder);
         let Some(computed) = result.with_context(|| cannot_write(place))? else { return Ok(None) };
         self.reporter.pairs(&computed.pairs, begun, true);
@@ -335,6 +356,7 @@ impl<'a> Run<'a> {
             "min": arguments.min,
             "unit": arguments.unit.map(|unit| format!("{unit:?}").to_lowercase()),
             "threads": rayon::current_num_threads(),
+            "ranks": self.ranks.size(),
         });
         Report {
             schema: "ringlight-viewfactors-1",

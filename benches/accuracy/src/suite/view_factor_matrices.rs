@@ -5,8 +5,9 @@ use crate::view_factor::view3d::{Example, FACET, GUNTER};
 use crate::{Bound, Row, Section};
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene};
-use ringlight::view_factor::Tolerance;
+use ringlight::transport::Communicator;
 use ringlight::view_factor::{self, Auditor, Faces, MatrixSettings, Occluders, Per, Reciprocity, RowSums, Sides};
+use ringlight::view_factor::{Tolerance, Watch};
 use std::fmt::Write;
 use std::io::{self, Cursor};
 use std::path::Path;
@@ -140,9 +141,10 @@ fn matrix(scene: &Scene, tolerance: Tolerance, obstructed: bool) -> Matrix {
     };
     let settings = MatrixSettings { tolerance, least: 0.0 };
     let mut storage = Cursor::new(Vec::new());
-    let computed = view_factor::compute(&faces, &occluders, &settings, &mut storage, &mut rows, &mut |_| {}, &|| false)
-        .unwrap()
-        .unwrap();
+    let watch = Watch { progress: &mut |_| {}, stops: &|| false };
+    let ranks = &mut Communicator::alone();
+    let computed = view_factor::compute(&faces, &occluders, &settings, &mut storage, &mut rows, watch, ranks);
+    let computed = computed.expect("one rank does not fail").unwrap().unwrap();
     let reciprocity = view_factor::reciprocity(&faces, &occluders, &tolerance, &computed);
     let names = faces.groups.iter().map(|group| group.name.clone()).collect();
     Matrix { names, sums: auditor.sums(), reciprocity, factors, errors }

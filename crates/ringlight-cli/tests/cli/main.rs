@@ -5,6 +5,7 @@ mod damage;
 mod interruption;
 mod probe;
 mod ranks;
+mod readers;
 mod sameness;
 mod viewfactors;
 mod workshop;

@@ -12,6 +12,16 @@ pub struct Workshop {
 /// Sizes at which the box is solved in a blink.
 pub const COARSE: [&str; 6] = ["--patch-size", "1", "--element-size", "0.25", "--cells", "4"];
 
+/// What reads a solution or a scene, and the endings of what it writes.
+pub const READERS: [(&str, &[&str]); 6] = [
+    ("probe part.ringlight --points points.csv", &["csv"]),
+    ("probe part.ringlight --points points.csv --how surface", &["csv"]),
+    ("probe part.ringlight --grid table@0.2", &["png", "csv"]),
+    ("render part.ringlight --size 64x40", &["png", "exr"]),
+    ("export part.ringlight --size 48x32 --false-colour lux", &["glb", "vtu", "png"]),
+    ("viewfactors box.obj --per face", &["csv", "npy"]),
+];
+
 const MATERIALS: &str = "\
 newmtl white
 Kd 0.7 0.6 0.5
@@ -98,6 +108,21 @@ impl Workshop {
         let mut command = self.ringlight("bake box.obj");
         command.args(COARSE).args(arguments.split_whitespace());
         command
+    }
+
+    /// A solution `part.ringlight` and a table `points.csv` to probe it at.
+    pub fn prepare_readers(&self) {
+        self.bake("-o part.ringlight --until 0.05").assert().code(0);
+        let row = |k: u32| {
+            let [x, y, z] = [0.618, 0.755, 0.57].map(|step| 0.1 + 1.8 * (f64::from(k) * step).fract());
+            if k.is_multiple_of(2) { format!("{x},0,{z},0,1,0\n") } else { format!("{x},{y},{z},0.5,-1,0.25\n") }
+        };
+        self.put("points.csv", "x,y,z,nx,ny,nz\n".to_owned() + &(0..150).map(row).collect::<String>());
+    }
+
+    /// Flags for outputs of one name with these endings.
+    pub fn named(endings: &[&str], name: &str) -> String {
+        endings.iter().map(|ending| format!("-o {name}.{ending} ")).collect()
     }
 
     /// A process of its own that bakes and can be killed.

@@ -9,7 +9,7 @@ mod memory;
 
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
-use workshop::{COARSE, Workshop};
+use workshop::{COARSE, READERS, Workshop};
 
 /// Longest run of the command, with room for slow machines.
 const LIMIT: Duration = Duration::from_secs(120);
@@ -86,6 +86,23 @@ fn the_solution_does_not_depend_on_ranks_and_rings() {
         assert_eq!(workshop.json("many.json")["ranks"].as_array().unwrap().len(), ranks);
         assert!(workshop.bytes("many.ringlight") == workshop.bytes("one.ringlight"), "{ranks} ranks {way}");
         assert_eq!(words.matches("converged").count(), 1, "{words}");
+    }
+}
+
+#[test]
+fn what_is_read_does_not_depend_on_ranks() {
+    let workshop = Workshop::new();
+    workshop.prepare_readers();
+    for (verb, outputs) in READERS {
+        workshop.ringlight(&format!("{verb} {} --force", Workshop::named(outputs, "one"))).assert().code(0);
+        for ranks in [2, 3] {
+            let (code, words) = run(&workshop, ranks, &format!("{verb} {} --force", Workshop::named(outputs, "many")));
+            assert_eq!(code, Some(0), "{verb} on {ranks} ranks: {words}");
+            for output in outputs {
+                let same = workshop.bytes(&format!("one.{output}")) == workshop.bytes(&format!("many.{output}"));
+                assert!(same, "{verb} on {ranks} ranks: {output}");
+            }
+        }
     }
 }
 

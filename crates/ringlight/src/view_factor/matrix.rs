@@ -1,9 +1,11 @@
 //! All factors of a scene, row by row: every pair of polygons once, on all threads, in bounded memory.
 
+use super::assembly::Assembly;
 use super::facing::Stance;
 use super::screens::{Memory, Screens};
-use super::spill::{Entry, Spill, Storage};
+use super::spill::{Entry, Storage};
 use super::{Exchange, Faces, Occluders, Tolerance, Work, exchange};
+use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::io;
@@ -58,6 +60,14 @@ pub struct Row<'a> {
     pub left_out: Exchange,
 }
 
+/// Who watches a rank's work.
+pub struct Watch<'w> {
+    /// Called now and then, on rank 0.
+    pub progress: &'w mut dyn FnMut(&Pairs),
+    /// Asked before every pair: whether to stop.
+    pub stops: &'w (dyn Fn() -> bool + Sync),
+}
+
 /// What [`compute`] did.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Computed {
@@ -67,10 +77,10 @@ pub struct Computed {
     pub sample: Vec<[usize; 2]>,
 }
 
-/// Numbers held at once, about; bounds memory and changes nothing else.
-const HELD: usize = 1 << 21;
+/// Tag of rows on their way to rank 0.
+const VIEW_FACTORS: u32 = 70;
 
-/// Rows of polygons between two signs of life. Within a row pairs are shared out to the threads, too.
+/// Rows of polygons of a rank between two signs of life. Within a row pairs are shared out to the threads, too.
 const BATCH: usize = 16;
 
 /// Most rows that give a pair to the sample.
@@ -78,75 +88,58 @@ const SAMPLED_ROWS: usize = 64;
 
 /// Computes all factors and hands over the rows in order.
 ///
-/// Rows are blocked, so that memory stays bounded; what later blocks need waits in `storage`. `progress` is called now and
-/// then, `stops` before every pair; when that says yes, the result is none. The numbers do not depend on the number of threads or on the blocks.
+/// Every rank calls it with the same faces, and computes rows of polygons: rank i of N those whose number is i modulo N. Rank
+/// 0 puts them together, hands over the rows, and alone gets the result. What later rows need waits in its `storage`, so that
+/// memory stays bounded. When any rank's watch stops, the result is none. The numbers do not depend on the number of threads
+/// or ranks, or on what waits.
 pub fn compute(
     faces: &Faces,
     occluders: &Occluders,
     settings: &MatrixSettings,
     storage: &mut dyn Storage,
     rows: &mut dyn FnMut(Row<'_>) -> io::Result<()>,
-    progress: &mut dyn FnMut(&Pairs),
-    stops: &(dyn Fn() -> bool + Sync),
-) -> io::Result<Option<Computed>> {
+    watch: Watch<'_>,
+    ranks: &mut Communicator<'_>,
+) -> Result<io::Result<Option<Computed>>, Failure> {
+    let Watch { progress, stops } = watch;
     let matrix = Matrix::new(faces, occluders, settings, stops);
-    let (groups, polygons) = (faces.groups.len(), faces.polygons.len());
-    let in_block = (HELD / groups.max(1)).clamp(1, groups.max(1));
-    let mut spill = Spill::new(storage, groups.div_ceil(in_block));
+    let polygons = faces.polygons.len();
     let mut computed = Computed::default();
     computed.pairs.total = (polygons as u64 * polygons.saturating_sub(1) as u64) / 2;
-    let mut sums = vec![Exchange::default(); groups];
-    let mut left_out = sums.clone();
-    let mut later: Vec<Vec<(u32, Entry)>> = vec![Vec::new(); groups.div_ceil(in_block)];
-    for (block, first) in (0..groups).step_by(in_block).enumerate() {
-        let block_groups = first..(first + in_block).min(groups);
-        let mut entries: Vec<Vec<Entry>> = vec![Vec::new(); block_groups.len()];
-        spill.take(block, |row, entry| entries[row as usize - first].push(entry))?;
-        for number in block_groups {
-            for start in faces.groups[number].polygons.clone().step_by(BATCH) {
-                let end = (start + BATCH).min(faces.groups[number].polygons.end);
-                progress(&computed.pairs);
-                let parts: Vec<PolygonRow> = (start..end).into_par_iter().map(|p| matrix.polygon_row(p)).collect();
-                if stops() {
-                    return Ok(None);
-                }
-                for part in parts {
-                    computed.pairs.add(&part.pairs);
-                    computed.sample.extend(part.sample);
-                    part.entries.iter().for_each(|entry| sums[entry.column as usize].add(entry.exchange));
-                }
-            }
-            // Within the group every pair counts from both of its ends.
-            sums[number] = Exchange { area: 2.0 * sums[number].area, error: 2.0 * sums[number].error };
-            for (column, sum) in sums.iter_mut().enumerate().skip(number) {
-                let exchange = std::mem::take(sum);
-                if exchange == Exchange::default() {
-                    continue;
-                }
-                if exchange.area < settings.least * faces.groups[number].area.min(faces.groups[column].area) {
-                    left_out[number].add(exchange);
-                    if column > number {
-                        left_out[column].add(exchange);
-                    }
-                    continue;
-                }
-                entries[number - first].push(Entry { column: column as u32, exchange });
-                let transposed = Entry { column: number as u32, exchange };
-                if column > number && column / in_block == block {
-                    entries[column - first].push(transposed);
-                } else if column > number {
-                    later[column / in_block].push((column as u32, transposed));
-                }
-            }
-            let entries = std::mem::take(&mut entries[number - first]);
-            rows(Row { number, entries: &entries, left_out: left_out[number] })?;
+    let mut assembly = Assembly::new(faces, settings.least, storage, rows);
+    let (rank, size) = (ranks.rank(), ranks.size());
+    let in_batch = BATCH * size;
+    let part = |batch: usize| {
+        let end = polygons.min((batch + 1) * in_batch);
+        let own: Vec<usize> = (batch * in_batch + rank..end).step_by(size).collect();
+        let parts: Vec<PolygonRow> =
+            if stops() { Vec::new() } else { own.into_par_iter().map(|p| matrix.polygon_row(p)).collect() };
+        let mut bytes = vec![u8::from(stops())];
+        parts.iter().for_each(|part| part.write(&mut bytes));
+        bytes
+    };
+    let mut stopped = false;
+    let take = |batch: usize, parts: Vec<Vec<u8>>| {
+        progress(&computed.pairs);
+        stopped = parts.iter().any(|part| part.first() != Some(&0));
+        if stopped {
+            return Err(io::ErrorKind::Interrupted.into());
         }
-        for (block, waiting) in later.iter_mut().enumerate().filter(|(_, waiting)| !waiting.is_empty()) {
-            spill.keep(block, waiting)?;
-            waiting.clear();
+        let mut parts: Vec<&[u8]> = parts.iter().map(|part| &part[1..]).collect();
+        for p in batch * in_batch..polygons.min((batch + 1) * in_batch) {
+            let part = PolygonRow::read(&mut parts[p % size]);
+            let part = part.ok_or_else(|| io::Error::other("a row from another rank is cut off"))?;
+            computed.pairs.add(&part.pairs);
+            computed.sample.extend(part.sample);
+            assembly.add(p, &part.entries)?;
         }
-    }
-    Ok(Some(computed))
+        Ok(())
+    };
+    let taken = ranks.gather_batches(VIEW_FACTORS, polygons.div_ceil(in_batch), part, take)?;
+    Ok(match taken {
+        _ if rank > 0 || stopped => Ok(None),
+        taken => taken.and_then(|()| assembly.finish()).map(|()| Some(computed)),
+    })
 }
 
 /// What all rows share.
@@ -168,6 +161,46 @@ struct PolygonRow {
     entries: Vec<Entry>,
     pairs: Pairs,
     sample: Option<[usize; 2]>,
+}
+
+/// Words of a row of a polygon before its entries: counts, sample, number of entries.
+const HEAD: usize = 9;
+
+/// In place of a sample: there is none.
+const NO_SAMPLE: u64 = u64::MAX;
+
+impl PolygonRow {
+    /// Appends it as it travels.
+    fn write(&self, bytes: &mut Vec<u8>) {
+        let Pairs { total: _, done, turned_away, below_least, screened, integrated, seeing } = self.pairs;
+        let [a, b] = self.sample.map_or([NO_SAMPLE; 2], |sample| sample.map(|p| p as u64));
+        let head = [done, turned_away, below_least, screened, integrated, seeing, a, b, self.entries.len() as u64];
+        bytes.extend_from_slice(bytemuck::cast_slice(&head));
+        for Entry { column, exchange } in &self.entries {
+            let words = [u64::from(*column), exchange.area.to_bits(), exchange.error.to_bits()];
+            bytes.extend_from_slice(bytemuck::cast_slice(&words));
+        }
+    }
+
+    /// Takes the next one off some bytes; none if they are cut off.
+    fn read(bytes: &mut &[u8]) -> Option<PolygonRow> {
+        let mut words = |count: usize| {
+            let (words, rest) = bytes.split_at_checked(count.checked_mul(8)?)?;
+            *bytes = rest;
+            Some(bytemuck::pod_collect_to_vec::<u8, u64>(words))
+        };
+        let [done, turned_away, below_least, screened, integrated, seeing, a, b, count] = words(HEAD)?[..] else {
+            return None;
+        };
+        let entries = words((count as usize).checked_mul(3)?)?;
+        let entry = |&[column, area, error]: &[u64; 3]| {
+            let exchange = Exchange { area: f64::from_bits(area), error: f64::from_bits(error) };
+            Entry { column: column as u32, exchange }
+        };
+        let pairs = Pairs { total: 0, done, turned_away, below_least, screened, integrated, seeing };
+        let sample = (a != NO_SAMPLE).then_some([a as usize, b as usize]);
+        Some(PolygonRow { entries: entries.as_chunks().0.iter().map(entry).collect(), pairs, sample })
+    }
 }
 
 impl<'a> Matrix<'a> {

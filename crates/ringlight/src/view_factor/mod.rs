@@ -2,6 +2,7 @@
 //!
 //! Geometry is held in double precision, straight from the scene: no mesh, no elements.
 
+mod assembly;
 mod audit;
 mod between;
 mod clip;
@@ -25,7 +26,7 @@ mod unobstructed;
 
 pub use audit::{Auditor, Reciprocity, RowSums, reciprocity};
 pub use faces::{Faces, Group, Per, Sides};
-pub use matrix::{Computed, MatrixSettings, Pairs, Row, compute};
+pub use matrix::{Computed, MatrixSettings, Pairs, Row, Watch, compute};
 pub use occluders::{Occluder, Occluders};
 pub use polygon::Polygon;
 pub use spill::{Entry, Storage};
