@@ -1,6 +1,6 @@
 //! How much memory a rank needs, and what follows for the number of rings.
 
-use super::Rings;
+use super::{Rings, ShardBox};
 
 /// What a job keeps in memory, bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,8 +26,8 @@ pub struct Demand {
 /// Bytes of a point with its mask in a packet: three coordinates, a plane, 64 cells.
 const POINT: u64 = 24;
 
-/// Bytes of a box.
-const BOX: u64 = 24;
+/// Bytes of a box with its plane.
+const BOX: u64 = size_of::<ShardBox>() as u64;
 
 impl Demand {
     /// With so many packets of so many points under way from each rank, and so many boxes around each shard.
@@ -101,8 +101,8 @@ mod tests {
         let demand = Demand::default().with_packets(16, 200, 8);
         let of = |ranks, rings| demand.of_a_rank(Rings::new(ranks, rings).unwrap());
         assert_eq!(of(4, 4), 0);
-        assert_eq!(of(4, 1), 4 * (16 * 200 * 24 + 8 * 24));
-        assert_eq!(of(5, 2), 3 * (16 * 200 * 24 + 8 * 24));
+        assert_eq!(of(4, 1), 4 * (16 * 200 * 24 + 8 * 28));
+        assert_eq!(of(5, 2), 3 * (16 * 200 * 24 + 8 * 28));
     }
 
     proptest! {
