@@ -12,7 +12,7 @@ use std::sync::Arc;
 const LOADS: u32 = 8;
 
 /// Boxes that describe a shard to the other members.
-pub const OUTLINE: usize = 64;
+pub const OUTLINE: usize = 256;
 
 /// Most pieces that geometry is dealt out in: every member knows the holder of each.
 const PIECES: usize = 1 << 16;
