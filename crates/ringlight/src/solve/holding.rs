@@ -97,9 +97,12 @@ impl<'a> Holding<'a> {
     }
 
     fn outlines(&self) -> Arc<Outlines> {
-        let mut held = vec![Vec::new(); self.members.len()];
-        self.balance.holders().iter().zip(&*self.pieces).for_each(|(&member, &p)| held[member as usize].push(p));
-        let shards: Vec<Vec<ShardBox>> = held.iter().map(|pieces| outline(pieces, OUTLINE)).collect();
+        let of = |member: usize| {
+            let held =
+                self.balance.holders().iter().zip(&*self.pieces).filter(|(holder, _)| **holder as usize == member);
+            outline(&held.map(|(_, &piece)| piece).collect::<Vec<_>>(), OUTLINE)
+        };
+        let shards: Vec<Vec<ShardBox>> = (0..self.members.len()).map(of).collect();
         Arc::new(Outlines::new(&shards))
     }
 }
