@@ -88,7 +88,7 @@ fn looks(mesh: &Mesh, patch: &Patch) -> usize {
     if width < SMALL * mesh.sizes.element { 1 } else { 17 }
 }
 
-/// The walks whose views tell which samples of the elements are valid; [`looks`] for each.
+/// The walks whose views tell which samples of the elements are valid: for each the middle, then its samples if it is not small.
 pub fn look_about<'a>(mesh: &'a Mesh, elements: &[Place]) -> impl Iterator<Item = LookAbout<'a>> {
     elements.iter().flat_map(move |&(id, element)| {
         let patch = mesh.patch(id);
