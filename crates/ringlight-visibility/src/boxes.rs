@@ -39,8 +39,8 @@ impl Boxes {
         self.instruction_set.run(Hiding { boxes: self, region, exempt })
     }
 
-    /// Whether some ray may hit a triangle in some box, before the nearest hit that is known of it: never false where
-    /// [`crate::Hierarchy::nearest_hit`] over these triangles finds such a hit.
+    /// Whether some ray may hit a triangle in some box, before the nearest hit that is known of it; triangles in the ray's own
+    /// plane do not count. Never false where [`crate::Hierarchy::nearest_hit`] over these triangles finds such a hit.
     pub fn may_be_hit(&self, rays: &[Ray], hits: &[Option<Hit>]) -> bool {
         self.instruction_set.run(Hitting { boxes: self, rays, hits })
     }
