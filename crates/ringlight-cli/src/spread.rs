@@ -119,7 +119,7 @@ mod tests {
 
     /// With so many GiB for each rank, and some for packets.
     fn chosen(size: usize, rings: RingsChoice, memory: u64) -> Result<usize, String> {
-        let demand = Demand { owned: 8 << 30, held: 16 << 30, ..Demand::default() };
+        let demand = Demand { owned: 8 << 30, triangles: 16 << 30, held: 1, ..Demand::default() };
         let memory = Some((memory << 30) + (32 << 20));
         let choice = |ranks: &mut Communicator<'_>| choose(&arguments(rings, memory), demand, ranks);
         let all = threads::run(size, choice).map_err(|failure| failure.to_string())?;
@@ -130,8 +130,8 @@ mod tests {
     #[test]
     fn as_many_rings_as_memory_allows() {
         assert_eq!(chosen(8, RingsChoice::Auto, 17), Ok(8));
-        assert_eq!(chosen(8, RingsChoice::Auto, 9), Ok(4));
-        assert_eq!(chosen(8, RingsChoice::Auto, 3), Ok(1));
+        assert_eq!(chosen(8, RingsChoice::Auto, 10), Ok(4));
+        assert_eq!(chosen(8, RingsChoice::Auto, 4), Ok(1));
         assert_eq!(chosen(8, RingsChoice::Number(2), 9), Ok(2));
     }
 
@@ -139,8 +139,8 @@ mod tests {
     fn what_does_not_fit_is_told_with_what_would_do() {
         let refused = chosen(1, RingsChoice::Auto, 2).unwrap_err();
         assert!(refused.contains("24.0 GiB") && refused.contains("may use 2.0 GiB"), "{refused}");
-        assert!(refused.contains("12 ranks in one ring would do"), "{refused}");
-        let refused = chosen(8, RingsChoice::Number(8), 9).unwrap_err();
+        assert!(refused.contains("13 ranks in one ring would do"), "{refused}");
+        let refused = chosen(8, RingsChoice::Number(8), 10).unwrap_err();
         assert!(refused.contains("17.0 GiB") && refused.contains("--rings 4 would do"), "{refused}");
     }
 

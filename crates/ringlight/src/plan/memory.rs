@@ -25,8 +25,9 @@ pub struct Counts {
     pub painted: u64,
 }
 
-/// Bytes of the hierarchy's nodes for each triangle. The office has 20; the test holds the whole hierarchy near it.
-const NODES: u64 = 24;
+/// Bytes of the hierarchy for each triangle: itself and its part of the nodes. Of the latter the office has 20; the test holds
+/// the whole hierarchy near it.
+const HELD: u64 = size_of::<Triangle>() as u64 + 24;
 
 /// Bytes for each triangle while the hierarchy is built, besides those that stay: their boxes (28), and about 24 of the tree
 /// before it is flattened.
@@ -95,7 +96,7 @@ impl Counts {
 
     /// Bytes of the hierarchy.
     pub fn hierarchy_bytes(&self) -> u64 {
-        self.triangles * (size::<Triangle>() + NODES)
+        self.triangles * HELD
     }
 
     /// What a solve keeps: its own light, its share of the hierarchy, and of the mesh the clusters, or all where it is alone.
@@ -110,9 +111,10 @@ impl Counts {
             everywhere: PROGRAM + kept + ownership + self.surfaces * SURFACE,
             // Beside the light the bits of valid samples, until they are told to all.
             owned: self.light_bytes() + self.elements * size::<u16>(),
-            held: self.hierarchy_bytes(),
-            building: self.triangles * BUILDING,
-            moved: if shooters_in_flight > 1 { self.hierarchy_bytes() } else { 0 },
+            triangles: self.triangles,
+            held: HELD,
+            building: BUILDING,
+            moved: if shooters_in_flight > 1 { HELD } else { 0 },
             writing: WRITING.min(5 * self.light_bytes()),
             ..Demand::default()
         }

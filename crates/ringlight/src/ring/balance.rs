@@ -3,6 +3,7 @@
 //! A state machine without a clock: it is fed with the times that the members of a ring were busy, and decides from these
 //! alone, so that every member decides the same. Who holds what changes no mask.
 
+use super::memory::most_held;
 use super::partition::scatter;
 use super::shard::bisect;
 use super::{Piece, Shards};
@@ -61,7 +62,7 @@ pub struct Balance {
     moves: Moves,
     members: usize,
     holders: Vec<u32>,
-    /// What each piece is thought to cost, relative to the others; see [`EXPONENT`].
+    /// What each piece is thought to cost, relative to the others; see [`EXPONENT`]. In all as much as there are triangles.
     weights: Vec<f64>,
     /// What has been added up of the window that is not complete yet.
     open: Vec<Load>,
@@ -211,12 +212,11 @@ impl Balance {
             return self.holders.clone();
         }
         let targets = self.targets(loads, scale);
-        let holders = match self.shards {
-            Shards::Spatial => bisect(&self.pieces, &self.weights, &targets),
-            Shards::Random => self.even_out(&targets),
+        let Some(holders) = (0..5).find_map(|halved| self.towards(&targets, 0.5f64.powi(halved))) else {
+            return self.holders.clone();
         };
         let expected = |&Load { other, .. }: &Load, weight: f64| other + scale * weight.powf(EXPONENT);
-        let weights = self.held(&holders);
+        let weights = self.held(&holders, &self.weights);
         let then = loads.iter().zip(weights).map(|(load, weight)| expected(load, weight)).fold(0.0, f64::max);
         // What is left to do is not known; as much as has been done is a fair guess.
         if (1.0 - then / slowest) * self.work < self.rebuilding(&holders) {
@@ -229,7 +229,7 @@ impl Balance {
 
     /// Compares the times with what the weights made expect, and changes the weights. Gives the time of a weight of 1.
     fn learn(&mut self, loads: &[Load]) -> f64 {
-        let held = self.held(&self.holders);
+        let held = self.held(&self.holders, &self.weights);
         let holding = || loads.iter().zip(&held).filter(|(_, held)| **held > 0.0);
         let time: f64 = holding().map(|(load, _)| load.testing).sum();
         let scale = time / holding().map(|(_, held)| held.powf(EXPONENT)).sum::<f64>();
@@ -247,15 +247,31 @@ impl Balance {
         // The scale of the weights means nothing, but is not to run away.
         let new: f64 = self.weights.iter().sum();
         self.weights.iter_mut().for_each(|weight| *weight *= total / new);
-        let held = self.held(&self.holders);
+        let held = self.held(&self.holders, &self.weights);
         time / held.iter().map(|held| held.powf(EXPONENT)).sum::<f64>()
     }
 
     /// Weights of what the members hold.
-    fn held(&self, holders: &[u32]) -> Vec<f64> {
+    fn held(&self, holders: &[u32], weights: &[f64]) -> Vec<f64> {
         let mut held = vec![0.0; self.members];
-        holders.iter().zip(&self.weights).for_each(|(&m, weight)| held[m as usize] += weight);
+        holders.iter().zip(weights).for_each(|(&m, weight)| held[m as usize] += weight);
         held
+    }
+
+    /// Who holds what if so large a part of the way is gone from equally many triangles each to these targets; none if a member
+    /// had no memory for it.
+    fn towards(&self, targets: &[f64], part: f64) -> Option<Vec<u32>> {
+        let triangles: Vec<f64> = self.pieces.iter().map(|p| f64::from(p.triangles)).collect();
+        let all = triangles.iter().sum::<f64>();
+        let between = |even: f64, wanted: f64| even + part * (wanted - even);
+        let weights: Vec<f64> = triangles.iter().zip(&self.weights).map(|(&n, &w)| between(n, w)).collect();
+        let targets: Vec<f64> = targets.iter().map(|&target| between(all / self.members as f64, target)).collect();
+        let holders = match self.shards {
+            Shards::Spatial => bisect(&self.pieces, &weights, &targets),
+            Shards::Random => self.even_out(&weights, &targets),
+        };
+        let most = most_held(all as u64, self.members) as f64;
+        self.held(&holders, &triangles).iter().all(|&held| held <= most).then_some(holders)
     }
 
     /// How much each member is to hold so that all are equally busy.
@@ -274,16 +290,16 @@ impl Balance {
     }
 
     /// Moves pieces, the largest that fit first, from members that hold too much to those that hold too little.
-    fn even_out(&self, targets: &[f64]) -> Vec<u32> {
+    fn even_out(&self, weights: &[f64], targets: &[f64]) -> Vec<u32> {
         let mut holders = self.holders.clone();
         let mut excess: Vec<f64> =
-            self.held(&holders).iter().zip(targets).map(|(held, target)| held - target).collect();
-        let key = |piece: usize| (self.weights[piece].to_bits(), scatter(piece as u64), piece);
+            self.held(&holders, weights).iter().zip(targets).map(|(held, target)| held - target).collect();
+        let key = |piece: usize| (weights[piece].to_bits(), scatter(piece as u64), piece);
         let mut held = vec![BTreeSet::new(); self.members];
         holders.iter().enumerate().for_each(|(piece, &m)| {
             held[m as usize].insert(key(piece));
         });
-        let good = (1.0 - TARGET) / 4.0 * self.weights.iter().sum::<f64>() / self.members as f64;
+        let good = (1.0 - TARGET) / 4.0 * weights.iter().sum::<f64>() / self.members as f64;
         // Every move lessens the sum of the squares; a bound all the same.
         for _ in 0..4 * self.pieces.len() {
             let members = 0..self.members;

@@ -9,11 +9,13 @@ pub struct Demand {
     pub everywhere: u64,
     /// Divided among all ranks: what each owns.
     pub owned: u64,
-    /// Divided among the members of a ring: the geometry in each member's hierarchy.
+    /// Triangles, which the members of a ring divide among them.
+    pub triangles: u64,
+    /// For each triangle that a member holds: its part of the hierarchy.
     pub held: u64,
-    /// Divided likewise, but only while a hierarchy is built.
+    /// The same, but only while a hierarchy is built.
     pub building: u64,
-    /// Divided likewise, but only while geometry moves: what shots under way still see as it was.
+    /// The same, but only while geometry moves: what shots under way still see as it was.
     pub moved: u64,
     /// On every rank, but only while light is written when all is solved.
     pub writing: u64,
@@ -27,6 +29,14 @@ pub struct Demand {
     pub rays: u64,
     /// On every rank, likewise: the walks that wait for them.
     pub walks: u64,
+}
+
+/// Most triangles that a member of a ring may come to hold, however busy the others are: an eighth more than its share, and
+/// where that is little, so many more.
+pub(super) fn most_held(triangles: u64, members: usize) -> u64 {
+    const FEW: u64 = 1 << 16;
+    let share = triangles.div_ceil(members as u64);
+    (share + FEW.max(share / 8)).min(triangles)
 }
 
 /// Bytes of a point with its mask in a packet: three coordinates, a plane, 64 cells.
@@ -51,8 +61,8 @@ impl Demand {
     /// What the rank needs that needs most: a member of the ring that has the fewest.
     pub fn of_a_rank(&self, rings: Rings) -> u64 {
         let ranks = rings.ranks() as u64;
-        let members = ranks / rings.rings() as u64;
-        let (held, building) = (self.held.div_ceil(members), self.building.div_ceil(members));
+        let triangles = most_held(self.triangles, rings.ranks() / rings.rings());
+        let [held, building, moved] = [self.held, self.building, self.moved].map(|bytes| bytes * triangles);
         let owned = self.owned.div_ceil(ranks);
         let most = if rings.rings() == rings.ranks() {
             // Built once, when nothing is owned yet; pictures want the geometry to the end.
@@ -60,8 +70,7 @@ impl Demand {
         } else {
             let members = ranks.div_ceil(rings.rings() as u64);
             let looking = self.walks + members * (self.rays + self.outline);
-            let solving =
-                members * (self.packets + self.outline) + self.saving.max(building + self.moved.div_ceil(members));
+            let solving = members * (self.packets + self.outline) + self.saving.max(building + moved);
             (held + looking.max(owned + solving)).max(owned + self.writing)
         };
         self.everywhere + most
@@ -87,8 +96,9 @@ mod tests {
     const DEMAND: Demand = Demand {
         everywhere: 10,
         owned: 800,
-        held: 2400,
-        building: 1600,
+        triangles: 80 << 20,
+        held: 3,
+        building: 2,
         moved: 0,
         writing: 20,
         saving: 0,
@@ -101,19 +111,22 @@ mod tests {
     #[test]
     fn geometry_is_there_once_in_each_ring_and_light_once_in_all() {
         let of = |ranks, rings| DEMAND.of_a_rank(Rings::new(ranks, rings).unwrap());
-        assert_eq!(of(1, 1), 10 + 2400 + 1600);
-        assert_eq!(of(8, 1), 10 + 300 + 100 + 200);
-        assert_eq!(of(8, 8), 10 + 2400 + 1600);
-        assert_eq!(of(8, 4), 10 + 1200 + 100 + 800);
+        // An eighth more than a half, a quarter, an eighth of the triangles.
+        let [half, quarter, eighth] = [45 << 20, 45 << 19, 45 << 18];
+        assert_eq!(of(1, 1), 10 + (80 << 20) * (3 + 2));
+        assert_eq!(of(8, 1), 10 + eighth * (3 + 2) + 100);
+        assert_eq!(of(8, 8), 10 + (80 << 20) * (3 + 2));
+        assert_eq!(of(8, 4), 10 + half * (3 + 2) + 100);
         // Rings of 3, 3 and 2 members: the smallest counts.
         assert_eq!(of(8, 3), of(2, 1) - 400 + 100);
         let two_rings = Rings::new(8, 2).unwrap();
         let without_building = Demand { building: 0, ..DEMAND };
-        assert_eq!(without_building.of_a_rank(two_rings), 10 + 600 + 100);
-        assert_eq!(Demand { saving: 20, ..without_building }.of_a_rank(two_rings), 10 + 600 + 100 + 20);
-        assert_eq!(Demand { writing: 620, ..without_building }.of_a_rank(two_rings), 10 + 100 + 620);
-        let with_shots_under_way = Demand { moved: 2400, ..DEMAND };
-        assert_eq!(with_shots_under_way.of_a_rank(two_rings), 10 + 600 + 100 + 400 + 600);
+        assert_eq!(without_building.of_a_rank(two_rings), 10 + quarter * 3 + 100);
+        assert_eq!(Demand { saving: 20, ..without_building }.of_a_rank(two_rings), 10 + quarter * 3 + 100 + 20);
+        let writing = quarter * 3 + 20;
+        assert_eq!(Demand { writing, ..without_building }.of_a_rank(two_rings), 10 + 100 + writing);
+        let with_shots_under_way = Demand { moved: 3, ..DEMAND };
+        assert_eq!(with_shots_under_way.of_a_rank(two_rings), 10 + quarter * (3 + 2 + 3) + 100);
         assert_eq!(with_shots_under_way.of_a_rank(Rings::one(1)), of(1, 1));
     }
 
@@ -135,10 +148,10 @@ mod tests {
 
         #[test]
         fn the_most_rings_and_the_fewest_ranks_fit_and_no_others(
-            everywhere in 0u64..500, owned in 0u64..5000, held in 0u64..5000, building in 0u64..5000,
-            ranks in 1usize..40, available in 0u64..5000,
+            everywhere in 0u64..500, owned in 0u64..5000, triangles in 0u64..1 << 22, held in 0u64..3,
+            building in 0u64..3, ranks in 1usize..40, available in 0u64..1 << 22,
         ) {
-            let demand = Demand { everywhere, owned, held, building, ..Demand::default() };
+            let demand = Demand { everywhere, owned, triangles, held, building, ..Demand::default() };
             let fits = |rings: Rings| demand.of_a_rank(rings) <= available;
             match demand.most_rings(ranks, available) {
                 Some(rings) => {
@@ -152,8 +165,7 @@ mod tests {
                 prop_assert!(fits(Rings::new(fewest, 1).unwrap()));
                 prop_assert!(fewest == 1 || !fits(Rings::new(fewest - 1, 1).unwrap()));
             } else {
-                // Each of 65536 parts is rounded up.
-                prop_assert!(everywhere + 3 > available);
+                prop_assert!(!fits(Rings::one(1 << 16)));
             }
         }
     }

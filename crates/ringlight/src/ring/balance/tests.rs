@@ -1,6 +1,7 @@
 //! Balance of simulated members, whose times are known functions of what they hold.
 
 use super::{Balance, Load, Moves, Window, rank_correlation};
+use crate::ring::memory::most_held;
 use crate::ring::{Bounds, Piece, Shards, deal};
 use std::sync::Arc;
 
@@ -86,6 +87,31 @@ fn the_worst_starts_are_balanced_soon() {
                 assert!(found[3] >= 0.8 && found[10..].iter().all(|&b| b >= 0.9), "{members}, {name}: {found:?}");
             }
         }
+    }
+}
+
+/// Nearly all packets come to a few pieces: by time alone, those who do not hold these had to hold nearly all others.
+#[test]
+fn nobody_holds_more_than_memory_was_foretold_for() {
+    let pieces: Arc<[Piece]> = pieces().iter().map(|p| Piece { triangles: 100 * p.triangles, ..*p }).collect();
+    let all: u64 = pieces.iter().map(|p| u64::from(p.triangles)).sum();
+    let most = most_held(all, 8);
+    assert!(most < all / 4);
+    let hot = |piece: usize| if piece < 70 { 1.0 } else { 0.03 };
+    for shards in [Shards::Spatial, Shards::Random] {
+        let start = deal(&pieces, 8, shards);
+        let mut balance = Balance::new(pieces.clone(), start.clone(), 8, shards, Moves::Balanced);
+        let (mut largest, mut moves) = (0, 0);
+        for windows in 1..20 {
+            simulate(&mut balance, windows, |holders, member| {
+                let own = holders.iter().enumerate().filter(|(_, m)| **m as usize == member);
+                4e-4 * own.map(|(piece, _)| hot(piece) * f64::from(pieces[piece].triangles)).sum::<f64>().sqrt()
+            });
+            moves += balance.windows()[windows - 1].moved;
+            let held = (0..8).map(|m| held(&pieces, balance.holders(), m) as u64).max().unwrap();
+            largest = largest.max(held);
+        }
+        assert!(moves > 0 && largest <= most, "{largest} of {most}, {shards:?}");
     }
 }
 
