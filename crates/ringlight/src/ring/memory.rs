@@ -34,7 +34,7 @@ pub struct Demand {
 /// Most triangles that a member of a ring may come to hold, however busy the others are: an eighth more than its share, and
 /// where that is little, so many more.
 pub(super) fn most_held(triangles: u64, members: usize) -> u64 {
-    const FEW: u64 = 1 << 16;
+    const FEW: u64 = 1 << 14;
     let share = triangles.div_ceil(members as u64);
     (share + FEW.max(share / 8)).min(triangles)
 }
