@@ -11,8 +11,8 @@ use crate::progress::Stage;
 use crate::run::{self, Baked, Made, Run};
 use anyhow::Context;
 use ringlight::column::Store;
-use ringlight::solution::SolutionFile;
-use ringlight::solve::World;
+use ringlight::solution::{LightFile, SolutionFile};
+use ringlight::solve::{Ledger, SolveSettings, World};
 use ringlight::transport::Communicator;
 
 /// Resumes.
@@ -25,15 +25,15 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let host = Host::find(run.ranks, None, frugal)?;
     let located = || path.display().to_string();
     let bytes = input::bytes(path)?;
-    let file = run.stage(Stage::Load, |_| SolutionFile::open(&bytes)).with_context(located)?;
-    let made = if host.leads() { Some(make(&mut run, arguments, &file, host.store())?) } else { None };
+    let made = if host.leads() { Some(make(&mut run, arguments, &bytes, host.store())?) } else { None };
+    let (made, decided) = made.unzip();
+    let (settings, ledger): (SolveSettings, Ledger) = run.tell(decided)?;
     let Made { mesh, description, images } = run.share(&host, made)?;
-    let settings = file.settings();
     run.choose_rings(&host, &mesh, &settings)?;
     let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, None));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
-    let light = run.stage(Stage::Load, |_| file.light_of(&mesh, &world.share.own)).with_context(located)?;
-    let state = file.ledger().with(light);
+    let light = || LightFile::open(&bytes)?.light_of(&mesh, &world.share.own);
+    let state = ledger.with(run.stage(Stage::Load, |_| light()).with_context(located)?);
     if state.emitters_shot as usize > world.emitters.len() {
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }
@@ -46,10 +46,18 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     run.finish(baked, (&arguments.targets, &arguments.display), &host, hierarchy, reported)
 }
 
-/// Takes from a solution what is not light.
-fn make(run: &mut Run<'_, '_>, arguments: &Resume, file: &SolutionFile<'_>, store: Store<'_>) -> Result<Made, Failure> {
+/// Takes from a solution what is not light, and what decides how it goes on.
+fn make(
+    run: &mut Run<'_, '_>,
+    arguments: &Resume,
+    bytes: &[u8],
+    store: Store<'_>,
+) -> Result<(Made, (SolveSettings, Ledger)), Failure> {
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
-    let mesh = run.stage(Stage::Load, |_| file.mesh(store)).with_context(|| path.display().to_string())?;
+    let located = || path.display().to_string();
+    let file = run.stage(Stage::Load, |_| SolutionFile::open(bytes)).with_context(located)?;
+    let mesh = run.stage(Stage::Load, |_| file.mesh(store)).with_context(located)?;
+    let decided = (file.settings(), file.ledger());
     let description = file.description().clone();
     let images = input::images(path, scene, &description, store)?;
     outputs::check_camera(&arguments.display, &description.cameras)?;
@@ -58,5 +66,5 @@ fn make(run: &mut Run<'_, '_>, arguments: &Resume, file: &SolutionFile<'_>, stor
     run.remember(&description.warnings);
     run.remember(&bake::skipped(&mesh));
     run.warn(&outputs::missing_images(&description, &images, &arguments.targets));
-    Ok(Made { mesh, description, images })
+    Ok((Made { mesh, description, images }, decided))
 }

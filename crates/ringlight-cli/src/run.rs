@@ -15,12 +15,13 @@ use ringlight::mesh::Mesh;
 use ringlight::output::report::{RankReport, Seconds, WindowReport};
 use ringlight::plan::Counts;
 use ringlight::resources::Bytes;
-use ringlight::ring::Rings;
+use ringlight::ring::{Demand, Rings};
 use ringlight::scene::{Place, Warnings};
 use ringlight::solution::{Description, OwnLight};
 use ringlight::solve::{self, Energy, Progress, Ring, Share, SolveSettings, State, StopReason, StopRule, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
+use serde::{Serialize, de::DeserializeOwned};
 use std::io::Write;
 use std::sync::Arc;
 use std::time::Instant;
@@ -112,6 +113,7 @@ impl<'a, 'b> Run<'a, 'b> {
     /// Chooses the rings, before memory is taken for what they divide.
     pub fn choose_rings(&mut self, host: &Host, mesh: &Mesh, settings: &SolveSettings) -> Result<(), Failure> {
         let demand = Counts::of(mesh).demand(host.mesh_place(), settings.shooters_in_flight);
+        let demand = Demand { saving: self.arguments.checkpoint.as_ref().map_or(0, |_| demand.writing), ..demand };
         let (rings, needed) = spread::choose(self.spread, demand, self.ranks)?;
         self.rings = rings;
         if rings.ranks() > 1 {
@@ -179,25 +181,24 @@ impl<'a, 'b> Run<'a, 'b> {
         Ring::with(mesh, &spread, self.ranks.rank(), hierarchy, Box::new(machine::thread_seconds))
     }
 
+    /// Gives all ranks what the first has to say. Every rank calls it.
+    pub fn tell<T: Serialize + DeserializeOwned>(&mut self, words: Option<T>) -> Result<T, Failure> {
+        let words = words.map_or(Ok(Vec::new()), |words| serde_json::to_vec(&words)).context("what all are told")?;
+        let words = self.ranks.broadcast(0, COMMAND, words)?;
+        Ok(serde_json::from_slice(&words).context("what all are told")?)
+    }
+
     /// Gives all ranks of a machine what its first has made.
     pub fn share(&mut self, host: &Host, made: Option<Made>) -> Result<Made, Failure> {
         if self.ranks.size() == 1 {
             return made.context("a rank that is alone makes its mesh").map_err(Failure::from);
         }
-        let lights = made.as_ref().map_or(Ok(Vec::new()), |made| serde_json::to_vec(&made.description.lights));
-        let lights = self.ranks.broadcast(0, COMMAND, lights.context("lights")?)?;
+        let lights = self.tell(made.as_ref().map(|made| made.description.lights.clone()))?;
         let write = made.as_ref().map(|made| |out: &mut dyn Write| made.mesh.share(out));
         let mesh = Mesh::shared(&host.share(self.ranks, write)?).context("what ranks share")?;
         Ok(match made {
             Some(made) => Made { mesh, ..made },
-            None => Made {
-                mesh,
-                description: Description {
-                    lights: serde_json::from_slice(&lights).context("lights")?,
-                    ..Description::default()
-                },
-                images: Vec::new(),
-            },
+            None => Made { mesh, description: Description { lights, ..Description::default() }, images: Vec::new() },
         })
     }
 

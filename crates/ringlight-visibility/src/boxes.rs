@@ -1,13 +1,16 @@
 //! What is known of triangles held elsewhere: boxes, tested sixteen at a time.
 
-use crate::build::{Bounds, Child, Node, WIDTH};
+use crate::build::{Bounds, Node, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::nearest::{inverse, passed};
+use crate::shaft::extend;
 use crate::{Hit, InstructionSet, NO_PLANE, Ray, Region};
 
 /// Boxes that hold triangles, each with the plane id of all of them, or [`NO_PLANE`].
 #[derive(Clone, Debug)]
 pub struct Boxes {
+    /// Around the boxes of sixteen nodes each: most regions and rays come near to few of them.
+    around: Vec<Node>,
     nodes: Vec<Node>,
     /// Of each box; those that fill the last node up included.
     planes: Vec<u32>,
@@ -19,20 +22,16 @@ impl Boxes {
     pub fn new(boxes: &[([f32; 3], [f32; 3], u32)]) -> Boxes {
         let mut planes: Vec<u32> = boxes.iter().map(|b| b.2).collect();
         planes.resize(planes.len().next_multiple_of(WIDTH), NO_PLANE);
-        let node = |boxes: &[([f32; 3], [f32; 3], u32)]| {
-            let Bounds { low, high } = Bounds::EMPTY;
-            let mut node =
-                Node { low: low.map(|c| [c; WIDTH]), high: high.map(|c| [c; WIDTH]), child: Default::default() };
-            for (lane, (low, high, _)) in boxes.iter().enumerate() {
-                for i in 0..3 {
-                    (node.low[i][lane], node.high[i][lane]) = (low[i], high[i]);
-                }
-                node.child[lane] = Child::default();
-            }
-            node
+        let plain: Vec<Bounds> = boxes.iter().map(|&(low, high, _)| Bounds { low, high }).collect();
+        let joint = |boxes: &[Bounds]| {
+            let mut joint = (Bounds::EMPTY.low, Bounds::EMPTY.high);
+            boxes.iter().flat_map(|b| [b.low, b.high]).for_each(|corner| extend(&mut joint, corner));
+            Bounds { low: joint.0, high: joint.1 }
         };
-        let nodes = boxes.chunks(WIDTH).map(node).collect();
-        Boxes { nodes, planes, instruction_set: InstructionSet::best() }
+        let joints: Vec<Bounds> = plain.chunks(WIDTH).map(joint).collect();
+        let nodes = |boxes: &[Bounds]| boxes.chunks(WIDTH).map(node).collect();
+        let (around, nodes) = (nodes(&joints), nodes(&plain));
+        Boxes { around, nodes, planes, instruction_set: InstructionSet::best() }
     }
 
     /// Whether triangles in some box may hide anything in the region; those in the planes `exempt` hide nothing.
@@ -40,11 +39,45 @@ impl Boxes {
         self.instruction_set.run(Hiding { boxes: self, region, exempt })
     }
 
-    /// Whether some ray may hit a triangle in some box, before the nearest hit that is known of it: never false where
-    /// [`crate::Hierarchy::nearest_hit`] over these triangles finds such a hit.
+    /// Whether some ray may hit a triangle in some box, before the nearest hit that is known of it; triangles in the ray's own
+    /// plane do not count. Never false where [`crate::Hierarchy::nearest_hit`] over these triangles finds such a hit.
     pub fn may_be_hit(&self, rays: &[Ray], hits: &[Option<Hit>]) -> bool {
         self.instruction_set.run(Hitting { boxes: self, rays, hits })
     }
+
+    /// Whether a box is `met` (as bits of its node) of which the triangles are not all in one of the planes `exempt`.
+    #[inline(always)]
+    fn any(&self, exempt: [u32; 2], met: impl Fn(&Node) -> u32) -> bool {
+        for (group, around) in self.around.iter().enumerate() {
+            let mut near = met(around);
+            while near != 0 {
+                let number = group * WIDTH + near.trailing_zeros() as usize;
+                near &= near - 1;
+                let mut boxes = met(&self.nodes[number]);
+                while boxes != 0 {
+                    let plane = self.planes[number * WIDTH + boxes.trailing_zeros() as usize];
+                    if plane == NO_PLANE || !exempt.contains(&plane) {
+                        return true;
+                    }
+                    boxes &= boxes - 1;
+                }
+            }
+        }
+        false
+    }
+}
+
+/// At most as many boxes as a node has lanes.
+fn node(boxes: &[Bounds]) -> Node {
+    let Bounds { low, high } = Bounds::EMPTY;
+    let (low, high) = (low.map(|c| [c; WIDTH]), high.map(|c| [c; WIDTH]));
+    let mut node = Node { low, high, child: Default::default() };
+    for (lane, bounds) in boxes.iter().enumerate() {
+        for i in 0..3 {
+            (node.low[i][lane], node.high[i][lane]) = (bounds.low[i], bounds.high[i]);
+        }
+    }
+    node
 }
 
 struct Hiding<'a> {
@@ -58,19 +91,12 @@ impl Task for Hiding<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> bool {
-        let Hiding { boxes: Boxes { nodes, planes, .. }, region, exempt } = self;
-        let Some(shaft) = region.shaft() else { return false };
-        for (node, planes) in nodes.iter().zip(planes.chunks(WIDTH)) {
-            let mut met = shaft.children(machine, node);
-            while met != 0 {
-                let plane = planes[met.trailing_zeros() as usize];
-                if plane == NO_PLANE || !exempt.contains(&plane) {
-                    return true;
-                }
-                met &= met - 1;
-            }
-        }
-        false
+        let Some(shaft) = self.region.shaft() else { return false };
+        self.boxes.any(
+            self.exempt,
+            #[inline(always)]
+            |node| shaft.children(machine, node),
+        )
     }
 }
 
@@ -87,10 +113,13 @@ impl Task for Hitting<'_> {
     fn run<M: Machine>(self, machine: M) -> bool {
         for (ray, hit) in self.rays.iter().zip(self.hits) {
             let (inverse, far) = (inverse(ray), hit.map_or(ray.far, |hit| hit.distance));
-            for node in &self.boxes.nodes {
-                if passed(machine, node, ray.origin, inverse, far).0 != 0 {
-                    return true;
-                }
+            let any = self.boxes.any(
+                [ray.plane; 2],
+                #[inline(always)]
+                |node| passed(machine, node, ray.origin, inverse, far).0,
+            );
+            if any {
+                return true;
             }
         }
         false

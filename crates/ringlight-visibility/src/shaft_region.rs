@@ -15,11 +15,13 @@ impl Region {
         let union = masks.iter().fold(0, |union, mask| union | mask);
         let Some(plan) = shooter.plan().filter(|_| union != 0) else { return Region(None) };
         let mut around = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        let mut reach = 0.0f32;
-        for i in (0..points.len()).filter(|&i| masks[i] != 0) {
-            extend(&mut around, points.at(i));
-            reach = reach.max(plan.reach(points.at(i)));
-        }
+        (0..points.len()).filter(|&i| masks[i] != 0).for_each(|i| extend(&mut around, points.at(i)));
+        // No point of the box is farther from the cells than the corner on the other side.
+        let farthest = std::array::from_fn(|axis| {
+            let (low, high) = (around.0[axis], around.1[axis]);
+            if (plan.anchor[axis] - low).abs() > (plan.anchor[axis] - high).abs() { low } else { high }
+        });
+        let reach = plan.reach(farthest);
         let scene = Bounds { low: scene[0], high: scene[1] };
         Region(Some(Shaft::between(plan, around, reach, union & plan.all, &scene)))
     }

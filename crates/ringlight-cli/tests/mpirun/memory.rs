@@ -36,6 +36,17 @@ fn peaks(workshop: &Workshop, ranks: usize) -> Vec<f64> {
     report["ranks"].as_array().unwrap().iter().map(peak).collect()
 }
 
+/// What `inspect` foretells of each of so many ranks in one ring, MiB.
+fn foretold(workshop: &Workshop, ranks: u64) -> f64 {
+    let inspect =
+        "inspect boxes.obj --patch-size 10 --element-size 10 --cells 1 --scratch . --rays-per-second 1e6 --json";
+    let run = workshop.ringlight(inspect).assert().code(0);
+    let inspection: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let memory = inspection["memory_per_rank"].as_array().unwrap();
+    let of_these = |memory: &&serde_json::Value| memory["ranks"] == ranks && memory["rings"] == 1;
+    memory.iter().find(of_these).unwrap()["bytes"].as_f64().unwrap() / f64::from(1 << 20)
+}
+
 /// Geometry, mesh or light that every rank held, or that one gathered while geometry is held, would be above the bound.
 #[test]
 fn each_of_four_ranks_keeps_about_a_quarter() {
@@ -48,4 +59,7 @@ fn each_of_four_ranks_keeps_about_a_quarter() {
     assert!(alone > 3.0 * SMALL, "the scene is too small to tell: {alone} MiB");
     assert!(many.iter().all(|&peak| peak <= 1.3 * alone / 4.0 + SMALL), "{alone} MiB alone, {many:?} MiB of four");
     assert!(workshop.bytes("boxes.ringlight") == solution);
+    let (foretold, most) = (foretold(&workshop, 4), many.iter().copied().fold(0.0, f64::max));
+    println!("{foretold:.1} MiB were foretold of each");
+    assert!((most..1.7 * most).contains(&foretold), "{foretold} MiB foretold, {many:?} MiB of four");
 }

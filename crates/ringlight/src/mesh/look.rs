@@ -65,8 +65,8 @@ enum Step {
     Overlay,
     /// What lies in a direction.
     Direction(usize),
-    /// Whether a coplanar surface faces the point.
-    Facing,
+    /// Whether a coplanar surface faces the point, now that the ray in a direction has been the first to meet nothing.
+    Facing(usize),
     /// Nothing more.
     Over,
 }
@@ -108,6 +108,23 @@ impl<'a> LookAbout<'a> {
         };
         Query { ray, rule: Rule::All }
     }
+
+    /// Takes account of what a ray has hit.
+    fn see(&mut self, hit: &Hit) {
+        let lit = hit.front || self.mesh.facets[(hit.triangle >> 1) as usize].double_sided();
+        let distance = f64::from(hit.distance);
+        if lit && distance > CRACK * self.width {
+            self.view = View::Open;
+        } else if lit && distance > CONTACT * self.width {
+            self.view = View::Crack;
+        }
+    }
+
+    /// The step after a direction.
+    fn after(&self, direction: usize) -> Step {
+        let last = direction + 1 == DIRECTIONS.len();
+        if last || self.view == View::Open { Step::Over } else { Step::Direction(direction + 1) }
+    }
 }
 
 impl Walk for LookAbout<'_> {
@@ -115,7 +132,7 @@ impl Walk for LookAbout<'_> {
         match self.step {
             Step::Overlay => Some(self.across(Rule::Overlaying(self.patch))),
             Step::Direction(i) => Some(self.towards(DIRECTIONS[i])),
-            Step::Facing => Some(self.across(Rule::Facing(self.patch))),
+            Step::Facing(_) => Some(self.across(Rule::Facing(self.patch))),
             Step::Over => None,
         }
     }
@@ -123,31 +140,21 @@ impl Walk for LookAbout<'_> {
     fn answer(&mut self, hit: Option<Hit>) {
         self.step = match (self.step, hit) {
             (Step::Overlay, None) => Step::Direction(0),
-            (Step::Direction(i), hit) => {
-                match hit {
-                    None => self.escapes = true,
-                    Some(hit) if hit.front || self.mesh.facets[(hit.triangle >> 1) as usize].double_sided() => {
-                        let distance = f64::from(hit.distance);
-                        if distance > CRACK * self.width {
-                            self.view = View::Open;
-                        } else if distance > CONTACT * self.width {
-                            self.view = View::Crack;
-                        }
-                    }
-                    Some(_) => {}
-                }
-                match i + 1 {
-                    _ if self.view == View::Open => Step::Over,
-                    next if next < DIRECTIONS.len() => Step::Direction(next),
-                    _ if self.escapes => Step::Facing,
-                    _ => Step::Over,
-                }
+            (Step::Direction(i), None) if !self.escapes => {
+                self.escapes = true;
+                Step::Facing(i)
             }
-            (Step::Facing, None) => {
+            (Step::Direction(i), hit) => {
+                hit.inspect(|hit| self.see(hit));
+                self.after(i)
+            }
+            // To see nothing is enough: the other directions have nothing to add.
+            (Step::Facing(_), None) => {
                 self.view = View::Open;
                 Step::Over
             }
-            _ => Step::Over,
+            (Step::Facing(i), Some(_)) => self.after(i),
+            (Step::Overlay, Some(_)) | (Step::Over, _) => Step::Over,
         };
     }
 }

@@ -30,7 +30,7 @@ pub use occluders::{CLEAR_COVERAGE, FacetCoverage, OPAQUE_COVERAGE, Occluder, hi
 pub use plane::{Planes, RELATIVE_TOLERANCE};
 pub use shared::SharedError;
 pub use size::{Quality, Sizes};
-pub use validity::{find_valid_samples, is_hidden_beside, look_about, looks, sample_parameters, valid_samples};
+pub use validity::{find_valid_samples, is_hidden_beside, look_about, look_outs, sample_parameters, valid_samples};
 
 use crate::column::Column;
 use crate::scene::Warnings;

@@ -4,11 +4,10 @@
 //! its element takes its light from its free samples, so that contacts leave no black rims.
 
 use super::look::{LookAbout, View};
-use super::{ALL_VALID, Frame, Inquiry, Mesh, Patch, Tile, walk};
+use super::{ALL_VALID, Cluster, Frame, Inquiry, Mesh, Patch, Tile, walk};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, Layout};
-use std::ops::Range;
 
 /// Samples of a quadrilateral element from the middle outwards.
 const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
@@ -38,6 +37,12 @@ pub fn sample_parameters(layout: Layout, valid: u16) -> Option<DVec2> {
 /// Elements narrower than this share of the element size are judged by their middle alone.
 const SMALL: f64 = 0.25;
 
+/// Most points that look about together: more would not be quicker, and they take memory.
+const TOGETHER: usize = 1024;
+
+/// An element: its patch, and its number there.
+type Place = (u32, u32);
+
 /// Fills [`Mesh::valid`].
 pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Hierarchy) {
     let mut valid = std::mem::take(&mut mesh.valid);
@@ -48,35 +53,47 @@ pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Hierarchy) {
         parts.push((cluster, part));
         rest = tail;
     }
-    parts.into_par_iter().for_each(|(cluster, part)| {
-        for id in cluster.patches.clone() {
-            let patch = mesh.patch(id);
-            let first = (patch.first_element - cluster.elements.start) as usize;
-            let views: Vec<View> = look_about(mesh, &patch, 0..patch.element_count())
-                .map(|look| walk::run(mesh, hierarchy, look).view())
-                .collect();
-            part[first..].iter_mut().zip(valid_samples(mesh, &patch, &views)).for_each(|(bits, found)| *bits = found);
+    parts.into_par_iter().for_each(|(cluster, mut rest)| {
+        for elements in look_outs(mesh, cluster, usize::MAX) {
+            let looks = look_about(mesh, &elements).map(|look| walk::run(mesh, hierarchy, look));
+            let (part, tail) = std::mem::take(&mut rest).split_at_mut(elements.len());
+            part.copy_from_slice(&valid_samples(mesh, &elements, &looks.collect::<Vec<_>>()));
+            rest = tail;
         }
     });
     mesh.valid = valid;
 }
 
+/// The elements of a cluster, in parts whose points look about together: at most `most` of them, or those of one element.
+pub fn look_outs(mesh: &Mesh, cluster: &Cluster, most: usize) -> Vec<Vec<Place>> {
+    let (mut parts, mut room): (Vec<Vec<Place>>, _) = (Vec::new(), 0);
+    for id in cluster.patches.clone() {
+        let patch = mesh.patch(id);
+        let looks = looks(mesh, &patch);
+        for element in 0..patch.element_count() {
+            if room < looks {
+                parts.push(Vec::new());
+                room = most.min(TOGETHER);
+            }
+            room = room.saturating_sub(looks);
+            parts.last_mut().expect("there was no room at first").push((id, element));
+        }
+    }
+    parts
+}
+
 /// How many points of each element of a patch look about: the middle, and the sixteen samples if it is not small.
-pub fn looks(mesh: &Mesh, patch: &Patch) -> usize {
+fn looks(mesh: &Mesh, patch: &Patch) -> usize {
     let width = (patch.area / f64::from(patch.element_count())).sqrt();
     if width < SMALL * mesh.sizes.element { 1 } else { 17 }
 }
 
-/// The walks whose views tell which samples of the patch's `elements` (0 is its first) are valid; [`looks`] for each.
-pub fn look_about<'a>(
-    mesh: &'a Mesh,
-    patch: &Patch,
-    elements: Range<u32>,
-) -> impl Iterator<Item = LookAbout<'a>> + use<'a> {
-    let (patch, looks) = (*patch, looks(mesh, patch) as u32);
-    elements.flat_map(move |k| {
-        let tile = patch.element_tile(k);
-        (0..looks).map(move |look| {
+/// The walks whose views tell which samples of the elements are valid: for each the middle, then its samples if it is not small.
+pub fn look_about<'a>(mesh: &'a Mesh, elements: &[Place]) -> impl Iterator<Item = LookAbout<'a>> {
+    elements.iter().flat_map(move |&(id, element)| {
+        let patch = mesh.patch(id);
+        let tile = patch.element_tile(element);
+        (0..looks(mesh, &patch) as u32).map(move |look| {
             let point = match look.checked_sub(1) {
                 None => patch.frame.at(tile.at(Frame::middle(patch.frame.layout))),
                 Some(sample) => patch.area_sample(&tile, sample),
@@ -86,20 +103,23 @@ pub fn look_about<'a>(
     })
 }
 
-/// The valid samples of as many elements of a patch as have looked about, from what they saw.
-pub fn valid_samples(mesh: &Mesh, patch: &Patch, views: &[View]) -> impl Iterator<Item = u16> {
-    let innermost = order(patch.frame.layout).0[0];
-    views.chunks_exact(looks(mesh, patch)).map(move |views| {
-        let (&middle, views) = views.split_first().expect("the middle always looks");
-        if views.is_empty() {
+/// The valid samples of the elements, once they have looked about.
+pub fn valid_samples(mesh: &Mesh, elements: &[Place], looks: &[LookAbout<'_>]) -> Vec<u16> {
+    let mut views = looks.iter().map(LookAbout::view);
+    let valid = |&(id, _): &Place| {
+        let patch = mesh.patch(id);
+        let middle = views.next().expect("the middle always looks");
+        if self::looks(mesh, &patch) == 1 {
             return if middle == View::Covered { 0 } else { ALL_VALID };
         }
+        let views: [View; 16] = std::array::from_fn(|_| views.next().expect("each sample looks"));
         // An element that is open in part takes its light there; one wholly in a crack is as dark as the crack.
         let wanted = if views.contains(&View::Open) { View::Open } else { View::Crack };
         let samples = views.iter().enumerate().fold(0u16, |bits, (s, &v)| bits | u16::from(v >= wanted) << s);
         // A middle without light must not be the sample point: one bit less says so.
-        if middle >= wanted { samples } else { samples & !(1 << innermost) }
-    })
+        if middle >= wanted { samples } else { samples & !(1 << order(patch.frame.layout).0[0]) }
+    };
+    elements.iter().map(valid).collect()
 }
 
 /// Whether a point of a patch is covered, or lies in a crack, while `other`, of the same element, is not or does not: then

@@ -38,14 +38,16 @@ const PROGRAM: u64 = 6 << 20;
 /// Bytes of a cluster besides the cluster: its owner, and while owners are found its size and place in their order.
 const OWNERSHIP: u64 = 28;
 
-/// Most pieces in which geometry is dealt out, and bytes of each with those of its weight, its holder and a copy that is sorted.
-const PIECES: (u64, u64) = (1 << 16, 128);
+/// Most pieces in which geometry is dealt out, and bytes of each: itself (32), its holder and weight (12), and as much again
+/// of the latter, a copy and an order while they are dealt out.
+const PIECES: (u64, u64) = (1 << 16, 96);
 
 /// Bytes of a surface besides its colour: itself, its node and their names where outputs are made, what it covers on all ranks.
 const SURFACE: u64 = (size_of::<Surface>() + size_of::<Node>() + 64) as u64;
 
-/// Most bytes of light on their way to a file: from all ranks, put in order, compressed, and what comes next.
-const WRITING: u64 = 20 << 20;
+/// Most bytes of light on their way to a file: of batches of 2 MiB one in order, one compressed and one that comes next, and
+/// what compression takes.
+const WRITING: u64 = 10 << 20;
 
 /// Where a mesh lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

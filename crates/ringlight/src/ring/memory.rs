@@ -15,16 +15,28 @@ pub struct Demand {
     pub building: u64,
     /// Divided likewise, but only while geometry moves: what shots under way still see as it was.
     pub moved: u64,
-    /// On every rank, but only while light is written.
+    /// On every rank, but only while light is written when all is solved.
     pub writing: u64,
+    /// Likewise, but while geometry is held: as it is solved.
+    pub saving: u64,
     /// For each member of a ring, on every rank: the boxes around its shard.
     pub outline: u64,
-    /// For each member of a ring, on every rank: packets that may be under way.
+    /// For each member of a ring, on every rank: packets of points that may be under way.
     pub packets: u64,
+    /// The same for packets of rays, before there is light.
+    pub rays: u64,
+    /// On every rank, likewise: the walks that wait for them.
+    pub walks: u64,
 }
 
 /// Bytes of a point with its mask in a packet: three coordinates, a plane, 64 cells.
 const POINT: u64 = 24;
+
+/// Bytes of a ray with its rule and its hit in a packet.
+const RAY: u64 = 64;
+
+/// Bytes of a walk that waits, and of its ray as it is packed.
+const WALK: u64 = 200;
 
 /// Bytes of a box with its plane.
 const BOX: u64 = size_of::<ShardBox>() as u64;
@@ -32,7 +44,8 @@ const BOX: u64 = size_of::<ShardBox>() as u64;
 impl Demand {
     /// With so many packets of so many points under way from each rank, and so many boxes around each shard.
     pub fn with_packets(self, window: usize, points: usize, boxes: usize) -> Demand {
-        Demand { packets: (window * points) as u64 * POINT, outline: boxes as u64 * BOX, ..self }
+        let most = (window * points) as u64;
+        Demand { packets: most * POINT, rays: most * RAY, walks: most * WALK, outline: boxes as u64 * BOX, ..self }
     }
 
     /// What the rank needs that needs most: a member of the ring that has the fewest.
@@ -41,14 +54,17 @@ impl Demand {
         let members = ranks / rings.rings() as u64;
         let (held, building) = (self.held.div_ceil(members), self.building.div_ceil(members));
         let owned = self.owned.div_ceil(ranks);
-        let rest = if rings.rings() == rings.ranks() {
-            // Built once, when nothing is owned yet.
-            building.max(owned + self.writing)
+        let most = if rings.rings() == rings.ranks() {
+            // Built once, when nothing is owned yet; pictures want the geometry to the end.
+            held + building.max(owned + self.writing.max(self.saving))
         } else {
-            let travelling = ranks.div_ceil(rings.rings() as u64) * (self.packets + self.outline);
-            owned + travelling + self.writing.max(building + self.moved.div_ceil(members))
+            let members = ranks.div_ceil(rings.rings() as u64);
+            let looking = self.walks + members * (self.rays + self.outline);
+            let solving =
+                members * (self.packets + self.outline) + self.saving.max(building + self.moved.div_ceil(members));
+            (held + looking.max(owned + solving)).max(owned + self.writing)
         };
-        self.everywhere + held + rest
+        self.everywhere + most
     }
 
     /// The largest number of rings with which no rank needs more than `available`: more rings mean fewer stops.
@@ -75,8 +91,11 @@ mod tests {
         building: 1600,
         moved: 0,
         writing: 20,
+        saving: 0,
         outline: 0,
         packets: 0,
+        rays: 0,
+        walks: 0,
     };
 
     #[test]
@@ -90,7 +109,9 @@ mod tests {
         assert_eq!(of(8, 3), of(2, 1) - 400 + 100);
         let two_rings = Rings::new(8, 2).unwrap();
         let without_building = Demand { building: 0, ..DEMAND };
-        assert_eq!(without_building.of_a_rank(two_rings), 10 + 600 + 100 + 20);
+        assert_eq!(without_building.of_a_rank(two_rings), 10 + 600 + 100);
+        assert_eq!(Demand { saving: 20, ..without_building }.of_a_rank(two_rings), 10 + 600 + 100 + 20);
+        assert_eq!(Demand { writing: 620, ..without_building }.of_a_rank(two_rings), 10 + 100 + 620);
         let with_shots_under_way = Demand { moved: 2400, ..DEMAND };
         assert_eq!(with_shots_under_way.of_a_rank(two_rings), 10 + 600 + 100 + 400 + 600);
         assert_eq!(with_shots_under_way.of_a_rank(Rings::one(1)), of(1, 1));
@@ -101,8 +122,12 @@ mod tests {
         let demand = Demand::default().with_packets(16, 200, 8);
         let of = |ranks, rings| demand.of_a_rank(Rings::new(ranks, rings).unwrap());
         assert_eq!(of(4, 4), 0);
-        assert_eq!(of(4, 1), 4 * (16 * 200 * 24 + 8 * 28));
-        assert_eq!(of(5, 2), 3 * (16 * 200 * 24 + 8 * 28));
+        // Before there is light, rays: more than points later.
+        let (rays, walks) = (16 * 200 * 64, 16 * 200 * 200);
+        assert_eq!(of(4, 1), walks + 4 * (rays + 8 * 28));
+        assert_eq!(of(5, 2), walks + 3 * (rays + 8 * 28));
+        let lit = Demand { owned: 1 << 40, ..demand }.of_a_rank(Rings::one(4));
+        assert_eq!(lit, (1 << 38) + 4 * (16 * 200 * 24 + 8 * 28));
     }
 
     proptest! {

@@ -4,7 +4,7 @@
 //! rays; then the shooter, if the points have one of their own; and then array by array. A message may hold many parcels.
 
 use super::aimed::Aimed;
-use super::packet::{Answers, Content, Packet, Parcel, Rays, Samples};
+use super::packet::{Answers, Content, Packet, Parcel, Rays, SAMPLE, Samples, masks_from};
 use ringlight_visibility::{Hit, Ray};
 
 /// Bytes that are no parcel: the ranks do not run the same program.
@@ -22,9 +22,6 @@ const MASKS: u32 = 2;
 const HITS: u32 = 3;
 const AIMED: u32 = 4;
 const SIZES: [usize; 5] = [SAMPLE, 4 * (RAY + 2 + HIT), size_of::<u64>(), 4 * HIT, SAMPLE];
-
-/// Bytes of a sample point.
-const SAMPLE: usize = 3 * size_of::<u64>();
 
 /// Words of a ray.
 const RAY: usize = 9;
@@ -46,12 +43,12 @@ impl Parcel {
         match self {
             Parcel::Onward(Packet { content: Content::Samples(samples), .. }) => {
                 begin(SAMPLES, samples.len());
-                bytes.extend_from_slice(bytemuck::cast_slice(samples.words()));
+                samples.write(bytes);
             }
             Parcel::Onward(Packet { content: Content::Aimed(aimed), .. }) => {
                 begin(AIMED, aimed.samples.len());
                 bytes.extend_from_slice(bytemuck::cast_slice(&aimed.words()));
-                bytes.extend_from_slice(bytemuck::cast_slice(aimed.samples.words()));
+                aimed.samples.write(bytes);
             }
             Parcel::Onward(Packet { content: Content::Rays(rays), .. }) => {
                 begin(RAYS, rays.rays.len());
@@ -93,16 +90,15 @@ impl Parcel {
         };
         let onward = |content| Parcel::Onward(Packet { shot, home, ticket, content });
         let at_home = |answers| Parcel::Home { shot, ticket, answers };
-        let samples = |bytes: &[u8]| Samples::from_words(bytemuck::pod_collect_to_vec(bytes));
         Ok(Some(match (kind, shooter) {
-            (_, Some(shooter)) => onward(Content::Aimed(Aimed::new(shooter, samples(part(SAMPLE))))),
-            (SAMPLES, _) => onward(Content::Samples(samples(part(SAMPLE)))),
+            (_, Some(shooter)) => onward(Content::Aimed(Aimed::new(shooter, Samples::from_bytes(part(SAMPLE))))),
+            (SAMPLES, _) => onward(Content::Samples(Samples::from_bytes(part(SAMPLE)))),
             (RAYS, _) => onward(Content::Rays(Rays {
                 rays: words(part(4 * RAY)).map(ray).collect(),
                 rules: words(part(8)).collect(),
                 hits: words(part(4 * HIT)).map(hit).collect(),
             })),
-            (MASKS, _) => at_home(Answers::Masks(bytemuck::pod_collect_to_vec(part(8)))),
+            (MASKS, _) => at_home(Answers::Masks(masks_from(part(8)))),
             _ => at_home(Answers::Hits(words(part(4 * HIT)).map(hit).collect())),
         }))
     }

@@ -3,6 +3,7 @@
 //! A state machine: events come in by its methods, actions go out by [`Pipeline::poll`]. It has no clock, sends nothing
 //! and tests nothing itself.
 
+use super::packet::Seeing;
 use super::routing::{Routing, Sight};
 use super::{Answers, Packet, Parcel};
 use std::collections::{BTreeMap, VecDeque};
@@ -54,6 +55,8 @@ pub struct Pipeline {
     unknown: Vec<Packet>,
     /// Packets to be tested here: earlier shots first, others' packets before own ones, then in order of arrival.
     ready: BTreeMap<(u64, bool, u64), Packet>,
+    /// Of own packets that have left, by shot and ticket, which points went with them.
+    seeing: BTreeMap<(u64, u32), Seeing>,
     actions: VecDeque<Action>,
     arrivals: u64,
     in_flight: usize,
@@ -71,6 +74,7 @@ impl Pipeline {
             shots: BTreeMap::new(),
             unknown: Vec::new(),
             ready: BTreeMap::new(),
+            seeing: BTreeMap::new(),
             actions: VecDeque::new(),
             arrivals: 0,
             in_flight: 0,
@@ -156,7 +160,7 @@ impl Pipeline {
     }
 
     /// Sends a packet to the next place, counted from its home, that it visits from `from` on; or home.
-    fn route(&mut self, packet: Packet, from: usize) {
+    fn route(&mut self, mut packet: Packet, from: usize) {
         let sight = &self.shots[&packet.shot];
         let members = sight.members();
         let home = packet.home as usize;
@@ -164,6 +168,13 @@ impl Pipeline {
             Some(to) if to == self.place => self.accept(packet),
             Some(to) => {
                 self.visits.sent += 1;
+                // The paper's packets travel whole.
+                if home == self.place
+                    && self.routing == Routing::Boxes
+                    && let Some(seeing) = packet.content.leave_dark()
+                {
+                    self.seeing.insert((packet.shot, packet.ticket), seeing);
+                }
                 self.actions.push_back(Action::Send { to, parcel: Parcel::Onward(packet) });
             }
             None => {
@@ -180,6 +191,10 @@ impl Pipeline {
 
     fn finish(&mut self, shot: u64, ticket: u32, answers: Answers) {
         self.in_flight -= 1;
+        let answers = match self.seeing.remove(&(shot, ticket)) {
+            Some(seeing) => seeing.answers(answers),
+            None => answers,
+        };
         self.actions.push_back(Action::Finish { shot, ticket, answers });
     }
 }

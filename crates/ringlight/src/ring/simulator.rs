@@ -210,9 +210,10 @@ impl Task {
                 Action::Test(mut packet) => {
                     match &mut packet.content {
                         Content::Samples(samples) => {
-                            let (points, masks) = samples.split_mut();
                             let shooter = &self.shots[packet.shot as usize].0;
-                            rank.shard.clear_blocked(shooter, points, masks);
+                            for (points, masks) in samples.neighbours_mut() {
+                                rank.shard.clear_blocked(shooter, points, masks);
+                            }
                         }
                         Content::Aimed(aimed) => {
                             let (shooter, points, masks) = aimed.split_mut();

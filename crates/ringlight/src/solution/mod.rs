@@ -8,7 +8,7 @@ mod over_ranks;
 mod tests;
 
 pub use digest::digest;
-pub use file::{FileError, SolutionFile, read, write};
+pub use file::{FileError, LightFile, SolutionFile, read, write};
 pub use light::{OwnLight, SolvedLight};
 pub use over_ranks::write_over_ranks;
 

@@ -135,13 +135,14 @@ fn ranks_read_their_own_light() {
     let file = SolutionFile::open(&written).unwrap();
     let mesh = file.mesh(Store::Heap).unwrap();
     assert_eq!((file.ledger(), file.settings()), (solution.ledger, solution.settings));
+    let light = LightFile::open(&written).unwrap();
     for ranks in [1, 3] {
         for rank in 0..ranks {
             let own = own(&mesh, rank, ranks);
             let mut expected = clusters(&solution, &own);
             expected.iter_mut().zip(&own).for_each(|(light, &c)| light.renew(&mesh, c as usize));
             assert!(expected.iter().any(|light| light.patches.iter().any(|patch| patch.unshot_power > 0.0)));
-            assert!(file.light_of(&mesh, &own).unwrap() == expected);
+            assert!(light.light_of(&mesh, &own).unwrap() == expected);
         }
     }
 }

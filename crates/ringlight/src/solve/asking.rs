@@ -134,7 +134,7 @@ where
 fn content(question: Question) -> Content {
     match question {
         Question::Hits(queries) => {
-            let mut rays = Rays::default();
+            let mut rays = Rays::with_capacity(queries.len());
             queries.iter().for_each(|query| rays.push(query.ray, query.rule.to_words()));
             Content::Rays(rays)
         }

@@ -212,8 +212,8 @@ impl RingExchange {
             let Job { shooter, hierarchy, .. } = &self.jobs[&packet.shot];
             match &mut packet.content {
                 Content::Samples(samples) => {
-                    let (points, masks) = samples.split_mut();
-                    hierarchy.clear_blocked_of(shooter, points, masks)
+                    let test = |(points, masks)| hierarchy.clear_blocked_of(shooter, points, masks);
+                    samples.neighbours_mut().map(test).fold(Tally::default(), Tally::join)
                 }
                 Content::Aimed(aimed) => {
                     let (shooter, points, masks) = aimed.split_mut();

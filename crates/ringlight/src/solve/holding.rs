@@ -12,7 +12,7 @@ use std::sync::Arc;
 const LOADS: u32 = 8;
 
 /// Boxes that describe a shard to the other members.
-pub const OUTLINE: usize = 64;
+pub const OUTLINE: usize = 256;
 
 /// Most pieces that geometry is dealt out in: every member knows the holder of each.
 const PIECES: usize = 1 << 16;
@@ -97,9 +97,12 @@ impl<'a> Holding<'a> {
     }
 
     fn outlines(&self) -> Arc<Outlines> {
-        let mut held = vec![Vec::new(); self.members.len()];
-        self.balance.holders().iter().zip(&*self.pieces).for_each(|(&member, &p)| held[member as usize].push(p));
-        let shards: Vec<Vec<ShardBox>> = held.iter().map(|pieces| outline(pieces, OUTLINE)).collect();
+        let of = |member: usize| {
+            let held =
+                self.balance.holders().iter().zip(&*self.pieces).filter(|(holder, _)| **holder as usize == member);
+            outline(&held.map(|(_, &piece)| piece).collect::<Vec<_>>(), OUTLINE)
+        };
+        let shards: Vec<Vec<ShardBox>> = (0..self.members.len()).map(of).collect();
         Arc::new(Outlines::new(&shards))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::Ring;
 use crate::mesh::walk::Walk;
-use crate::mesh::{self, Inquiry, LookAbout, View};
+use crate::mesh::{self, Inquiry};
 use crate::quantity::ExactSum;
 use crate::shooting::{Audit, Fate, Following};
 use crate::transport::{Communicator, Failure};
@@ -19,24 +19,17 @@ impl<'a> Ring<'a> {
         let (mesh, share, packet_size) = (self.mesh(), self.share().clone(), self.packet_size());
         let clusters = share.own.iter().map(|&c| &mesh.clusters[c as usize]);
         let mut valid = vec![0; clusters.clone().map(|cluster| cluster.elements.len()).sum()];
-        let mut elements = 0;
-        let groups = clusters.flat_map(|cluster| cluster.patches.clone()).flat_map(|id| {
-            let patch = mesh.patch(id);
-            let (first, count) = (elements, patch.element_count());
-            elements += count as usize;
-            let size = (packet_size / mesh::looks(mesh, &patch)).max(1);
-            (0..count).step_by(size).map(move |k| {
-                let looks = mesh::look_about(mesh, &patch, k..count.min(k.saturating_add(size as u32)));
-                ((id, first + k as usize), looks.collect())
-            })
+        let mut next = 0;
+        let parts = clusters.flat_map(|cluster| mesh::look_outs(mesh, cluster, packet_size)).map(|elements| {
+            let first = next;
+            next += elements.len();
+            (first, elements)
         });
-        let end = |(id, first): (u32, usize), looks: Vec<LookAbout<'_>>| {
-            let views: Vec<View> = looks.iter().map(LookAbout::view).collect();
-            let patch = mesh.patch(id);
-            let found = mesh::valid_samples(mesh, &patch, &views);
-            valid[first..].iter_mut().zip(found).for_each(|(bits, found)| *bits = found);
+        let task = |(first, elements): (usize, Vec<_>), inquiry: Inquiry<'a>| async move {
+            let looks = inquiry.follow(mesh::look_about(mesh, &elements).collect::<Vec<_>>()).await;
+            (first, mesh::valid_samples(mesh, &elements, &looks))
         };
-        self.walk(ranks, groups, end)?;
+        self.ask(ranks, parts, task, |(first, found)| valid[first..][..found.len()].copy_from_slice(&found))?;
         Ok(valid)
     }
 

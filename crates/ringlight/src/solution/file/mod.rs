@@ -16,7 +16,7 @@ mod read;
 mod sections;
 mod write;
 
-pub use read::{SolutionFile, read};
+pub use read::{LightFile, SolutionFile, read};
 pub use write::write;
 pub(super) use write::{BATCH_BYTES, LightSections, Writer};
 

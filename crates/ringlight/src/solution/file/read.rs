@@ -19,6 +19,9 @@ pub struct SolutionFile<'a> {
     header: Header<'static>,
 }
 
+/// The light in a solution file, for who knows the rest: the header grows with the scene's nodes.
+pub struct LightFile<'a>(Sections<'a>);
+
 /// Reads a solution; what grows with the scene is kept in `store`. Images are not attached, see [`Description::find_images`].
 pub fn read(bytes: &[u8], store: Store<'_>) -> Result<Solution, FileError> {
     let file = SolutionFile::open(bytes)?;
@@ -116,6 +119,27 @@ impl<'a> SolutionFile<'a> {
         Ok(bitmaps)
     }
 
+    /// Reads all the light.
+    pub fn light(&self, mesh: &Mesh, store: Store<'_>) -> Result<SolvedLight, FileError> {
+        let mut light = SolvedLight::dark(mesh, store)?;
+        // A few at a time, so that not all of it is held twice.
+        for runs in light_runs(&self.sections, mesh)?.chunks(rayon::current_num_threads()) {
+            let unpacked: Vec<Vec<u8>> =
+                runs.par_iter().map(|run| run.unpack(mesh)).collect::<Result<_, FileError>>()?;
+            for (run, bytes) in runs.iter().zip(unpacked) {
+                light.take(&mesh.clusters[run.clusters.clone()], &bytes);
+            }
+        }
+        Ok(light)
+    }
+}
+
+impl<'a> LightFile<'a> {
+    /// Reads the directory.
+    pub fn open(bytes: &'a [u8]) -> Result<LightFile<'a>, FileError> {
+        Sections::find(bytes).map(LightFile)
+    }
+
     /// Reads the light of some clusters, in ascending order.
     pub fn light_of(&self, mesh: &Mesh, own: &[u32]) -> Result<Vec<ClusterLight>, FileError> {
         let of_run = |run: &Run<'_>| {
@@ -145,33 +169,19 @@ impl<'a> SolutionFile<'a> {
             Ok(lights)
         };
         let parts: Vec<Vec<ClusterLight>> =
-            self.light_runs(mesh)?.par_iter().map(of_run).collect::<Result<_, FileError>>()?;
+            light_runs(&self.0, mesh)?.par_iter().map(of_run).collect::<Result<_, FileError>>()?;
         Ok(parts.into_iter().flatten().collect())
     }
+}
 
-    /// Reads all the light.
-    pub fn light(&self, mesh: &Mesh, store: Store<'_>) -> Result<SolvedLight, FileError> {
-        let mut light = SolvedLight::dark(mesh, store)?;
-        // A few at a time, so that not all of it is held twice.
-        for runs in self.light_runs(mesh)?.chunks(rayon::current_num_threads()) {
-            let unpacked: Vec<Vec<u8>> =
-                runs.par_iter().map(|run| run.unpack(mesh)).collect::<Result<_, FileError>>()?;
-            for (run, bytes) in runs.iter().zip(unpacked) {
-                light.take(&mesh.clusters[run.clusters.clone()], &bytes);
-            }
-        }
-        Ok(light)
+fn light_runs<'a>(sections: &Sections<'a>, mesh: &Mesh) -> Result<Vec<Run<'a>>, FileError> {
+    let (runs, sections) = (runs(&mesh.clusters, SECTION), sections.of(LIGHT).collect::<Vec<_>>());
+    if runs.len() != sections.len() {
+        let what = format!("there are {} sections, expected {}", sections.len(), runs.len());
+        return Err(damaged(LIGHT, &what));
     }
-
-    fn light_runs(&self, mesh: &Mesh) -> Result<Vec<Run<'a>>, FileError> {
-        let (runs, sections) = (runs(&mesh.clusters, SECTION), self.sections.of(LIGHT).collect::<Vec<_>>());
-        if runs.len() != sections.len() {
-            let what = format!("there are {} sections, expected {}", sections.len(), runs.len());
-            return Err(damaged(LIGHT, &what));
-        }
-        let run = |(clusters, (name, section))| Run { clusters, name, section };
-        Ok(runs.into_iter().zip(sections).map(run).collect())
-    }
+    let run = |(clusters, (name, section))| Run { clusters, name, section };
+    Ok(runs.into_iter().zip(sections).map(run).collect())
 }
 
 /// The clusters whose light is in one section.

@@ -14,7 +14,7 @@ use std::ops::Range;
 const LEVEL: i32 = 3;
 
 /// Sections held at a time.
-const BATCH: usize = 4;
+const BATCH: usize = 2;
 
 /// What they are together before they are compressed, bytes.
 pub const BATCH_BYTES: usize = BATCH * SECTION;
