@@ -93,11 +93,11 @@ struct Item {
     bounds: Bounds,
     /// Of its first triangle, as given.
     index: u32,
-    /// What it is made of.
+    /// [`SINGLE`], or [`parallelogram`] with the next one.
     facet: u8,
 }
 
-/// A triangle that makes no parallelogram with the next one; less is the apex of one that does.
+/// A triangle that is a facet of its own; other numbers are those of [`parallelogram`].
 pub(crate) const SINGLE: u8 = 3;
 
 impl Item {

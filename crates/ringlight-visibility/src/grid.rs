@@ -109,9 +109,11 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
         // Children of the node, and facets of one of them, that are to be looked at.
         let (mut children, mut waiting) = (0u32, 0u32);
         'search: loop {
+            let mut met = true;
             let index = 'next: {
                 for &index in remembered.by_ref() {
                     if index != NONE {
+                        met = false;
                         break 'next index;
                     }
                 }
@@ -171,7 +173,9 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
                 turned(machine, plan, axes, &node.low, &node.high, &mut boxes);
                 continue 'search;
             };
-            search.look::<M, SIDE>(machine, packet, &frame, index);
+            let looked = search.look::<M, SIDE>(machine, packet, &frame, index);
+            // What is remembered depends on what the thread did before; counts must not.
+            search.tested |= looked.cleared || met && looked.tested;
         }
     }
 }
@@ -179,15 +183,21 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
 impl Search<'_> {
     /// Clears what the facet that begins with this triangle hides.
     #[inline(always)]
-    fn look<M: Machine, const SIDE: usize>(&mut self, machine: M, packet: &mut Packet, frame: &Frame, index: u32) {
+    fn look<M: Machine, const SIDE: usize>(
+        &mut self,
+        machine: M,
+        packet: &mut Packet,
+        frame: &Frame,
+        index: u32,
+    ) -> Looked {
         let (hierarchy, plan) = (self.hierarchy, self.plan);
         let (triangle, other) = hierarchy.facet(index as usize);
         if triangle.plane == plan.plane && plan.plane != NO_PLANE {
-            return;
+            return Looked { tested: false, cleared: false };
         }
         let mut sifted = Sifted { cleared: false, doubtful: true };
-        if triangle.filter == OPAQUE {
-            self.tested = true;
+        let mut tested = triangle.filter == OPAQUE;
+        if tested {
             let corners = hierarchy.facets[index as usize];
             let facet = Facet::new(plan, triangle, corners, other);
             sifted = if other.is_some() {
@@ -196,15 +206,22 @@ impl Search<'_> {
                 sift::<M, SIDE, false>(machine, plan, frame, packet, &facet)
             };
         }
-        let mut blocked = sifted.cleared;
+        let mut cleared = sifted.cleared;
         if sifted.doubtful {
-            let tested = &mut self.tested;
-            blocked |= machine.call(Test { hierarchy, plan, packet, index: index as usize, tested });
+            let tested = &mut tested;
+            cleared |= machine.call(Test { hierarchy, plan, packet, index: index as usize, tested });
         }
-        if blocked {
+        if cleared {
             self.blockers.note(index);
         }
+        Looked { tested, cleared }
     }
+}
+
+/// Whether a triangle was tested, and whether bits were cleared.
+struct Looked {
+    tested: bool,
+    cleared: bool,
 }
 
 impl Hierarchy {

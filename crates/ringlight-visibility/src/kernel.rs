@@ -4,6 +4,8 @@
 //! the extreme parameters bound the computed values at all cells exactly. A function whose upper bound is negative
 //! rejects the receiver; the rest is evaluated cell by cell: the triangle is rasterised into the mask.
 
+#![allow(clippy::needless_range_loop, reason = "what iterators do to lanes is not inlined, and loses the vectors")]
+
 use crate::instruction_set::Machine;
 use crate::lanes::{LaneVector, Lanes, abs, any, cross, dot, dot_lanes, flip, from_point, nonzero, norm, splat};
 use crate::packet::Candidate;

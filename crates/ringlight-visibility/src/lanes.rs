@@ -170,12 +170,6 @@ pub(crate) fn cross<S: Machine>(a: LaneVector<S>, b: [f32; 3]) -> LaneVector<S> 
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// a × b.
-#[inline(always)]
-pub(crate) fn cross_lanes<S: Machine>(a: LaneVector<S>, b: LaneVector<S>) -> LaneVector<S> {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
 /// a · b with `b` the same for all receivers.
 #[inline(always)]
 pub(crate) fn dot<S: Machine>(a: LaneVector<S>, b: [f32; 3]) -> Lanes<S> {

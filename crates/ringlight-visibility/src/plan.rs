@@ -1,7 +1,5 @@
 //! A shooter made ready for the predicate: its cells, and the functions of them that the predicate asks for.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use crate::predicate::{BOX_MARGIN, Prepared, Vector, dot, norm, pass, sub};
 use crate::shadow::axes;
 use crate::{Cells, Layout, MAX_CELLS, NO_PLANE, Shooter};
@@ -43,8 +41,6 @@ impl PreparedShooter {
 /// A shooter made ready.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
-    /// Unlike that of any other one.
-    pub number: u64,
     pub kind: Kind,
     /// Side of a quadrilateral grid whose rows and columns may be evaluated apart; else 0.
     pub side: usize,
@@ -123,9 +119,7 @@ impl Plan {
     pub fn new(shooter: &Shooter) -> Plan {
         let count = shooter.cells.len();
         assert!((1..=MAX_CELLS).contains(&count), "a shooter has 1 to {MAX_CELLS} cells, not {count}");
-        static NEXT: AtomicU64 = AtomicU64::new(0);
         let mut plan = Plan {
-            number: NEXT.fetch_add(1, Ordering::Relaxed),
             kind: Kind::Points,
             side: 0,
             count,

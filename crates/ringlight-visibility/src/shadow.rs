@@ -8,6 +8,8 @@
 //! that hold them all. Where a box is hardly in front of the receiver its shadow has no bounds; there the planes through
 //! the receiver and the outermost cells decide.
 
+#![allow(clippy::needless_range_loop, reason = "what iterators do to lanes is not inlined, and loses the vectors")]
+
 use crate::Triangle;
 use crate::build::WIDTH;
 use crate::instruction_set::Machine;

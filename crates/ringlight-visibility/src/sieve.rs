@@ -9,9 +9,11 @@
 //! each is had for nine products. They round otherwise than the predicate does; so what lies near a border
 //! is left to it, and all else is certain: the bits are the predicate's.
 
+#![allow(clippy::needless_range_loop, reason = "what iterators do to lanes is not inlined, and loses the vectors")]
+
 use crate::instruction_set::Machine;
 use crate::kernel::{Affine, words};
-use crate::lanes::{LaneVector, Lanes, any, dot, dot_plus, from_point, nonzero, norm, splat};
+use crate::lanes::{self, LaneVector, Lanes, any, dot, dot_plus, from_point, minus, nonzero, norm, splat};
 use crate::packet::{PACKET, Packet, words_of};
 use crate::plan::Plan;
 use crate::predicate::{GRAZING, ROUNDING, Vector, cross, dot as product, norm as length, sub};
@@ -29,8 +31,6 @@ const THEIRS: f32 = 4.0 * ROUNDING;
 pub(crate) const FLAT: f32 = 2.0 * ROUNDING;
 
 /// A facet as seen from the shooter.
-#[derive(Clone, Copy, Default)]
-#[repr(C, align(64))]
 pub(crate) struct Facet {
     corner: Vector,
     e: Vector,
@@ -49,8 +49,9 @@ pub(crate) struct Facet {
     size: f32,
     /// Least |T| for each metre from the corner that tells the side.
     flat: f32,
+    /// Least |T| for each metre from the corner where rounding cannot confuse the two triangles; 0 where that does not matter.
     grazing: f32,
-    pub plane: u32,
+    plane: u32,
 }
 
 impl Facet {
@@ -87,30 +88,31 @@ impl Facet {
             strip: THEIRS * longest + 2.0 * bent,
             size: length(seen) + longest,
             flat: 0.5 * ROUNDING * length(normal) + 2.0 * bent * longest,
+            // Where both triangles fill the same box, the predicate's check of grazing hits passes for both.
             grazing: if (0..3).all(|i| e[i] * g[i] <= 0.0) { 0.0 } else { 0.5 * GRAZING * squared },
             plane: triangle.plane,
         }
     }
 }
 
-/// The apex of the first triangle, if the two make a parallelogram in one plane: then their masks are those of
-/// a paired [`Facet::new`].
+/// Whether the two triangles are one facet, a parallelogram in one plane: the number of the corner that only the first
+/// one has, and four times the number of the one that only the second one has.
 pub(crate) fn parallelogram(a: &Triangle, b: &Triangle) -> Option<u8> {
     if a.plane != b.plane || a.filter != crate::OPAQUE || b.filter != crate::OPAQUE {
         return None;
     }
-    let apex = (0..3).find(|&i| !b.corners.contains(&a.corners[i]))?;
-    let shared = [a.corners[(apex + 1) % 3], a.corners[(apex + 2) % 3]];
+    let only_first = (0..3).find(|&i| !b.corners.contains(&a.corners[i]))?;
+    let shared = [a.corners[(only_first + 1) % 3], a.corners[(only_first + 2) % 3]];
     if !shared.iter().all(|c| b.corners.contains(c)) {
         return None;
     }
-    let place = (0..3).find(|&i| !shared.contains(&b.corners[i]))?;
-    let fourth = b.corners[place];
-    let corner = a.corners[apex];
+    let only_second = (0..3).find(|&i| !shared.contains(&b.corners[i]))?;
+    let fourth = b.corners[only_second];
+    let corner = a.corners[only_first];
     let (e, g) = (sub(shared[0], corner), sub(shared[1], corner));
     let off = sub(sub(fourth, corner), [e[0] + g[0], e[1] + g[1], e[2] + g[2]]);
     let longest = length(e).max(length(g));
-    (length(off) <= FLAT * longest).then_some((apex | place << 2) as u8)
+    (length(off) <= FLAT * longest).then_some((only_first | only_second << 2) as u8)
 }
 
 /// What depends on receivers and grid alone: x, x×U and x×W seen from the grid's corner.
@@ -130,8 +132,8 @@ impl Frame {
         let mut frame = Frame { x: none, by_u: none, by_v: none, length: [0.0; PACKET] };
         let anchor = splat(simd, plan.anchor);
         for chunk in 0..PACKET / S::F32_LANES {
-            let x = crate::lanes::minus(packet.points(simd, chunk), anchor);
-            let (by_u, by_v) = (crate::lanes::cross(x, plan.edge_u), crate::lanes::cross(x, plan.edge_v));
+            let x = minus(packet.points(simd, chunk), anchor);
+            let (by_u, by_v) = (lanes::cross(x, plan.edge_u), lanes::cross(x, plan.edge_v));
             for i in 0..3 {
                 x[i].store(&mut frame.x[i], chunk);
                 by_u[i].store(&mut frame.by_u[i], chunk);
@@ -201,7 +203,7 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
     let x = Frame::vector(simd, &frame.x, chunk);
     let (by_u, by_v) = (Frame::vector(simd, &frame.by_u, chunk), Frame::vector(simd, &frame.by_v, chunk));
     let rise = Affine {
-        base: dot_plus(simd, x, less(facet.normal), zero).flip(sign),
+        base: dot_plus(simd, x, opposite(facet.normal), zero).flip(sign),
         u: Lanes::splat(simd, facet.rise[0]).flip(sign),
         v: Lanes::splat(simd, facet.rise[1]).flip(sign),
         w: zero,
@@ -219,15 +221,15 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
         return;
     }
     let first = Affine {
-        base: dot_plus(simd, x, less(facet.moments[0]), zero).flip(sign),
+        base: dot_plus(simd, x, opposite(facet.moments[0]), zero).flip(sign),
         u: dot_plus(simd, by_u, facet.e, Lanes::splat(simd, facet.slopes[0][0])).flip(sign),
         v: dot_plus(simd, by_v, facet.e, Lanes::splat(simd, facet.slopes[0][1])).flip(sign),
         w: zero,
     };
     let second = Affine {
-        base: dot_plus(simd, x, less(facet.moments[1]), zero).flip(sign),
-        u: dot_plus(simd, by_u, less(facet.g), Lanes::splat(simd, facet.slopes[1][0])).flip(sign),
-        v: dot_plus(simd, by_v, less(facet.g), Lanes::splat(simd, facet.slopes[1][1])).flip(sign),
+        base: dot_plus(simd, x, opposite(facet.moments[1]), zero).flip(sign),
+        u: dot_plus(simd, by_u, opposite(facet.g), Lanes::splat(simd, facet.slopes[1][0])).flip(sign),
+        v: dot_plus(simd, by_v, opposite(facet.g), Lanes::splat(simd, facet.slopes[1][1])).flip(sign),
         w: zero,
     };
     let (third, fourth) =
@@ -245,7 +247,7 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
     }
     let none = simd.splat_u32s(0);
     let [a, b, c, d] = functions;
-    // A cell on the plane, or behind it for some receiver.
+    // Where a cell may lie before the facet, depth is one function more.
     let twice = depth_band + depth_band;
     let crossing = any(simd, simd.and_m32s(possible, (bottom - twice).below(zero)));
     let mut maybe = cells::<S, SIDE, QUAD>(simd, plan, [a, b, c, d], depth, crossing);
@@ -285,8 +287,9 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
     sifted.doubtful |= any(simd, nonzero(simd, left));
 }
 
+/// −a.
 #[inline(always)]
-fn less(a: Vector) -> Vector {
+fn opposite(a: Vector) -> Vector {
     [-a[0], -a[1], -a[2]]
 }
 

@@ -109,7 +109,9 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
             kind => {
                 let a = if kind == 8 { random.lattice() } else { a };
                 let edge = |random: &mut Random| match (kind, random.below(3)) {
-                    (8, axis) => std::array::from_fn(|i| if i == axis { 0.25 * random.below(9) as f32 - 1.0 } else { 0.0 }),
+                    (8, axis) => {
+                        std::array::from_fn(|i| if i == axis { 0.25 * random.below(9) as f32 - 1.0 } else { 0.0 })
+                    }
                     (_, 0) => random.vector().map(|c| 0.01 * c),
                     _ => random.vector(),
                 };
