@@ -7,7 +7,7 @@ use ringlight::resources::{Bytes, Resources};
 use ringlight::ring::{Bounds, Piece};
 use ringlight::scene::{self, ReadOptions};
 use ringlight::shooting::{self, ClusterLight, Shoot, Shot, Work};
-use ringlight_visibility::{Hierarchy, NO_PLANE, Triangle};
+use ringlight_visibility::{Hierarchy, NO_PLANE, PreparedShooter, Triangle};
 use std::path::{Path, PathBuf};
 
 /// A scene that is shot in.
@@ -99,8 +99,9 @@ impl<'a> Shots<'a> {
             element.shot = element.mean();
             element.unshot = [0.0; 3];
         }
+        let shooter = PreparedShooter::new(&shot.shooter);
         for (cluster, light) in self.light.iter_mut().enumerate() {
-            shooting::receive(mesh, cluster, light, &shot, &self.office.whole, &mut self.work);
+            shooting::receive(mesh, cluster, light, &shot, &shooter, &self.office.whole, &mut self.work);
         }
         Some(shot)
     }

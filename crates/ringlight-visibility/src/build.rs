@@ -3,6 +3,7 @@
 //! Every choice depends on the triangles and their order alone, so the result is the same for any number of threads.
 
 use crate::predicate::Vector;
+use crate::sieve::parallelogram;
 use crate::{Triangle, predicate};
 
 /// Children of a node: as many as the widest register has lanes.
@@ -12,7 +13,7 @@ pub(crate) const WIDTH: usize = 16;
 const LEAF: usize = 4;
 
 /// Most triangles in a leaf where the alternative is a node with hardly any children.
-const LARGE_LEAF: usize = 8;
+const LARGE_LEAF: usize = 2;
 
 const BINS: usize = 16;
 
@@ -90,10 +91,20 @@ impl Bounds {
 #[derive(Clone, Copy)]
 struct Item {
     bounds: Bounds,
+    /// Of its first triangle, as given.
     index: u32,
+    /// [`SINGLE`], or [`parallelogram`] with the next one.
+    facet: u8,
 }
 
+/// A triangle that is a facet of its own; other numbers are those of [`parallelogram`].
+pub(crate) const SINGLE: u8 = 3;
+
 impl Item {
+    fn triangles(&self) -> usize {
+        if self.facet == SINGLE { 1 } else { 2 }
+    }
+
     /// Twice the centre.
     #[inline(always)]
     fn centre(&self, axis: usize) -> f32 {
@@ -139,13 +150,13 @@ impl<'a> Part<'a> {
     }
 }
 
-/// Orders the triangles, and makes the nodes; the first is the root. Also returns the box of all.
-pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds) {
+/// Orders the triangles, and makes the nodes; the first is the root. Also returns the box of all, and of each triangle
+/// whether it makes a parallelogram with the next one, see [`SINGLE`].
+pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds, Vec<u8>) {
     assert!(triangles.len() <= Child::MOST, "a hierarchy holds at most {} triangles", Child::MOST);
-    let mut items: Vec<Item> =
-        (0..).zip(triangles.iter()).map(|(index, t)| Item { bounds: around(t), index }).collect();
+    let mut items = items(triangles);
     if items.is_empty() {
-        return (Vec::new(), Bounds::EMPTY);
+        return (Vec::new(), Bounds::EMPTY, Vec::new());
     }
     let root = Part::new(&mut items, 0, 0);
     let bounds = root.bounds;
@@ -153,20 +164,50 @@ pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds) {
         leaf @ Tree::Leaf(..) => Tree::Inner(bounds, vec![leaf]),
         inner => inner,
     };
-    reorder(triangles, items);
+    let facets: Vec<u8> = items.iter().flat_map(|i| std::iter::repeat_n(i.facet, i.triangles())).collect();
+    let mut first = 0;
+    let firsts: Vec<u32> = items
+        .iter()
+        .map(|item| {
+            let here = first;
+            first += item.triangles() as u32;
+            here
+        })
+        .chain([triangles.len() as u32])
+        .collect();
+    let order = items.iter().flat_map(|i| i.index..i.index + i.triangles() as u32).collect();
+    drop(items);
+    reorder(triangles, order);
     // Exactly as many: a vector that grows holds them twice.
     let mut nodes = Vec::with_capacity(tree.inner_nodes());
-    flatten(&tree, &mut nodes);
-    (nodes, bounds)
+    flatten(&tree, &firsts, &mut nodes);
+    (nodes, bounds, facets)
 }
 
-/// Puts the triangles in the order of the items, in place, cycle by cycle of the permutation.
-fn reorder(triangles: &mut [Triangle], mut items: Vec<Item>) {
-    for start in 0..items.len() {
+/// Neighbours that make a parallelogram are one item.
+fn items(triangles: &[Triangle]) -> Vec<Item> {
+    let mut items: Vec<Item> = Vec::new();
+    let mut index = 0;
+    while index < triangles.len() {
+        let mut bounds = around(&triangles[index]);
+        let apex = triangles.get(index + 1).and_then(|next| parallelogram(&triangles[index], next));
+        if apex.is_some() {
+            bounds.join(&around(&triangles[index + 1]));
+        }
+        let item = Item { bounds, index: index as u32, facet: apex.unwrap_or(SINGLE) };
+        index += item.triangles();
+        items.push(item);
+    }
+    items
+}
+
+/// Puts the triangles in this order, in place, cycle by cycle of the permutation.
+fn reorder(triangles: &mut [Triangle], mut order: Vec<u32>) {
+    for start in 0..order.len() {
         let first = triangles[start];
         let mut here = start;
         loop {
-            let from = std::mem::replace(&mut items[here].index, here as u32) as usize;
+            let from = std::mem::replace(&mut order[here], here as u32) as usize;
             if from == start {
                 triangles[here] = first;
                 break;
@@ -302,9 +343,12 @@ fn partition(items: &mut [Item], first: impl Fn(&Item) -> bool) -> usize {
 }
 
 /// Appends the nodes of an inner tree, depth first.
-fn flatten(tree: &Tree, nodes: &mut Vec<Node>) -> Child {
+fn flatten(tree: &Tree, firsts: &[u32], nodes: &mut Vec<Node>) -> Child {
     let children = match tree {
-        Tree::Leaf(_, first, count) => return Child::leaf(*first, *count),
+        Tree::Leaf(_, first, count) => {
+            let (first, end) = (firsts[*first] as usize, firsts[*first + *count] as usize);
+            return Child::leaf(first, end - first);
+        }
         Tree::Inner(_, children) => children,
     };
     let number = nodes.len();
@@ -320,7 +364,7 @@ fn flatten(tree: &Tree, nodes: &mut Vec<Node>) -> Child {
     }
     nodes.push(node);
     for (i, child) in children.iter().enumerate() {
-        nodes[number].child[i] = flatten(child, nodes);
+        nodes[number].child[i] = flatten(child, firsts, nodes);
     }
     Child(number as u32)
 }

@@ -1,6 +1,8 @@
 //! The bounding volume hierarchy and the two primitives over it.
 
-use crate::build::{Bounds, Node, build};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::build::{Bounds, Node, SINGLE, build};
 use crate::plan::Plan;
 use crate::predicate::is_sliver;
 use crate::{Filter, InstructionSet, OPAQUE, Points, PreparedShooter, Shooter, Triangle, mask, nearest};
@@ -67,11 +69,15 @@ impl Hit {
 /// Occluders, ordered for search.
 #[derive(Debug)]
 pub struct Hierarchy {
+    /// Unlike that of any other one.
+    pub(crate) number: u64,
     pub(crate) triangles: Vec<Triangle>,
     pub(crate) filters: Vec<Filter>,
     /// [`Filter::cells`] of every filter for the usual numbers of cells, see [`Hierarchy::blocked_cells`].
     screens: Vec<[u64; USUAL_COUNTS.len()]>,
     pub(crate) nodes: Vec<Node>,
+    /// Of each triangle, whether it makes a parallelogram with the next one.
+    pub(crate) facets: Vec<u8>,
     pub(crate) bounds: Bounds,
     slivers: usize,
     instruction_set: InstructionSet,
@@ -90,9 +96,11 @@ impl Hierarchy {
         triangles.retain(|t| !is_sliver(t));
         let slivers = given - triangles.len();
         let screens = filters.iter().map(|f| USUAL_COUNTS.map(|count| f.cells(count))).collect();
-        let (nodes, bounds) = build(&mut triangles);
+        let (nodes, bounds, facets) = build(&mut triangles);
         let instruction_set = InstructionSet::best();
-        Hierarchy { triangles, filters, screens, nodes, bounds, slivers, instruction_set }
+        static NEXT: AtomicU64 = AtomicU64::new(0);
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        Hierarchy { number, triangles, filters, screens, nodes, facets, bounds, slivers, instruction_set }
     }
 
     /// Uses the given vector instructions instead of the best ones; the results are the same.
@@ -145,8 +153,16 @@ impl Hierarchy {
     pub fn hierarchy_bytes(&self) -> usize {
         self.triangles.capacity() * size_of::<Triangle>()
             + self.nodes.capacity() * size_of::<Node>()
+            + self.facets.capacity()
             + self.filters.capacity() * size_of::<Filter>()
             + self.screens.capacity() * size_of::<[u64; USUAL_COUNTS.len()]>()
+    }
+
+    /// The triangle with this number, and the next one if they are one facet.
+    #[inline(always)]
+    pub(crate) fn facet(&self, index: usize) -> (&Triangle, Option<&Triangle>) {
+        let other = if self.facets[index] == SINGLE { None } else { self.triangles.get(index + 1) };
+        (&self.triangles[index], other)
     }
 
     /// The cells of a shooter that a triangle with this filter may block.

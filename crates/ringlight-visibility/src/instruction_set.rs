@@ -67,6 +67,9 @@ pub(crate) trait Task {
 pub(crate) trait Machine: Simd {
     /// Bit i is lane i.
     fn bits(self, mask: Self::m32s) -> u32;
+
+    /// Runs `task`, as a function of its own.
+    fn call<T: Task>(self, task: T) -> T::Output;
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -74,6 +77,11 @@ impl Machine for pulp::x86::V4 {
     #[inline(always)]
     fn bits(self, mask: Self::m32s) -> u32 {
         u32::from(mask.0)
+    }
+
+    #[inline(always)]
+    fn call<T: Task>(self, task: T) -> T::Output {
+        self.vectorize(Bound { task, machine: self })
     }
 }
 
@@ -83,6 +91,11 @@ impl Machine for pulp::x86::V3 {
     fn bits(self, mask: Self::m32s) -> u32 {
         self.avx._mm256_movemask_ps(pulp::bytemuck::cast(mask)) as u32
     }
+
+    #[inline(always)]
+    fn call<T: Task>(self, task: T) -> T::Output {
+        self.vectorize(Bound { task, machine: self })
+    }
 }
 
 impl Machine for pulp::Scalar128b {
@@ -90,6 +103,10 @@ impl Machine for pulp::Scalar128b {
     fn bits(self, mask: Self::m32s) -> u32 {
         let lanes: [u32; 4] = pulp::bytemuck::cast(mask);
         (lanes[0] & 1) | (lanes[1] & 2) | (lanes[2] & 4) | (lanes[3] & 8)
+    }
+
+    fn call<T: Task>(self, task: T) -> T::Output {
+        task.run(self)
     }
 }
 

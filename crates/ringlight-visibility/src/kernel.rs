@@ -4,6 +4,8 @@
 //! the extreme parameters bound the computed values at all cells exactly. A function whose upper bound is negative
 //! rejects the receiver; the rest is evaluated cell by cell: the triangle is rasterised into the mask.
 
+#![allow(clippy::needless_range_loop, reason = "what iterators do to lanes is not inlined, and loses the vectors")]
+
 use crate::instruction_set::Machine;
 use crate::lanes::{LaneVector, Lanes, abs, any, cross, dot, dot_lanes, flip, from_point, nonzero, norm, splat};
 use crate::packet::Candidate;
@@ -110,13 +112,13 @@ impl<S: Machine> View<S> {
         }
         let undecided = any(simd, simd.and_m32s(alive, simd.not_m32s(depth_bottom.not_negative())));
         let seen = if undecided {
-            words::<S, KIND, SIDE, true>(simd, plan, a, b, c, depth)
+            words::<S, KIND, SIDE, 4>(simd, plan, [a, b, c, depth])
         } else {
-            words::<S, KIND, SIDE, false>(simd, plan, a, b, c, depth)
+            words::<S, KIND, SIDE, 3>(simd, plan, [a, b, c])
         };
         let seen = Self::among(simd, seen, wanted, alive)?;
         let [a, b, c] = strict;
-        let sure = words::<S, KIND, SIDE, false>(simd, plan, a, b, c, depth);
+        let sure = words::<S, KIND, SIDE, 3>(simd, plan, [a, b, c]);
         Some(Found { seen, sure, grazing: self.grazing(t) })
     }
 
@@ -189,14 +191,30 @@ fn bit_where<S: Machine>(simd: S, mask: S::m32s, k: usize) -> S::u32s {
 
 /// base + v·b + u·a + u·v·w for each receiver.
 #[derive(Clone, Copy)]
-struct Affine<S: Machine> {
-    base: Lanes<S>,
-    u: Lanes<S>,
-    v: Lanes<S>,
-    w: Lanes<S>,
+pub(crate) struct Affine<S: Machine> {
+    pub base: Lanes<S>,
+    pub u: Lanes<S>,
+    pub v: Lanes<S>,
+    pub w: Lanes<S>,
 }
 
 impl<S: Machine> Affine<S> {
+    /// The difference from another one, of an untwisted grid.
+    #[inline(always)]
+    pub fn less(self, other: Self) -> Self {
+        Affine { base: self.base - other.base, u: self.u - other.u, v: self.v - other.v, w: self.w }
+    }
+
+    #[inline(always)]
+    pub fn plus(self, amount: Lanes<S>) -> Self {
+        Affine { base: self.base + amount, ..self }
+    }
+
+    #[inline(always)]
+    pub fn minus(self, amount: Lanes<S>) -> Self {
+        Affine { base: self.base - amount, ..self }
+    }
+
     /// Minus the value at u = 0.
     #[inline(always)]
     fn negative_row(&self, simd: S, v: f32) -> Lanes<S> {
@@ -213,7 +231,7 @@ impl<S: Machine> Affine<S> {
     /// Least and greatest computed value over the cells, or bounds on them. A twisted grid has none: it is not monotone
     /// after rounding, and rare.
     #[inline(always)]
-    fn bounds<const KIND: u8>(&self, simd: S, plan: &Plan) -> [Lanes<S>; 2] {
+    pub fn bounds<const KIND: u8>(&self, simd: S, plan: &Plan) -> [Lanes<S>; 2] {
         if KIND == TWISTED {
             return [Lanes::splat(simd, -1.0), Lanes::splat(simd, 1.0)];
         }
@@ -228,50 +246,43 @@ impl<S: Machine> Affine<S> {
 /// The sum of row and column has the sign that comparing the column with the row's negative tells: rounding never
 /// changes a sign.
 #[inline(always)]
-fn words<S: Machine, const KIND: u8, const SIDE: usize, const DEPTH: bool>(
+pub(crate) fn words<S: Machine, const KIND: u8, const SIDE: usize, const N: usize>(
     simd: S,
     plan: &Plan,
-    a: Affine<S>,
-    b: Affine<S>,
-    c: Affine<S>,
-    depth: Affine<S>,
+    functions: [Affine<S>; N],
 ) -> [S::u32s; 2] {
     let mut words = [simd.splat_u32s(0); 2];
     if SIDE > 0 {
-        let mut columns = [[a.u; 4]; SIDE];
-        for (i, columns) in columns.iter_mut().enumerate() {
-            *columns = [plan.u[i] * a.u, plan.u[i] * b.u, plan.u[i] * c.u, plan.u[i] * depth.u];
+        let mut columns = [[functions[0].u; N]; SIDE];
+        for i in 0..SIDE {
+            for f in 0..N {
+                columns[i][f] = plan.u[i] * functions[f].u;
+            }
         }
         let rows_in_word = if SIDE == 8 { 4 } else { SIDE };
-        for (w, word) in words.iter_mut().take(SIDE / rows_in_word).enumerate() {
+        for w in 0..SIDE / rows_in_word {
             let mut bit = simd.splat_u32s(1);
             for j in w * rows_in_word..(w + 1) * rows_in_word {
                 let v = plan.v[j * SIDE];
-                let (a, b, c, depth) = (
-                    a.negative_row(simd, v),
-                    b.negative_row(simd, v),
-                    c.negative_row(simd, v),
-                    depth.negative_row(simd, v),
-                );
-                for column in &columns {
-                    let mut pass = column[0].at_least(a);
-                    pass = simd.and_m32s(pass, column[1].at_least(b));
-                    pass = simd.and_m32s(pass, column[2].at_least(c));
-                    if DEPTH {
-                        pass = simd.and_m32s(pass, column[3].at_least(depth));
+                let mut rows = [functions[0].u; N];
+                for f in 0..N {
+                    rows[f] = functions[f].negative_row(simd, v);
+                }
+                for i in 0..SIDE {
+                    let mut pass = columns[i][0].at_least(rows[0]);
+                    for f in 1..N {
+                        pass = simd.and_m32s(pass, columns[i][f].at_least(rows[f]));
                     }
-                    *word = simd.or_u32s(*word, simd.select_u32s(pass, bit, simd.splat_u32s(0)));
+                    words[w] = simd.or_u32s(words[w], simd.select_u32s(pass, bit, simd.splat_u32s(0)));
                     bit = simd.add_u32s(bit, bit);
                 }
             }
         }
     } else {
         for k in 0..plan.count {
-            let mut pass = a.at::<KIND>(plan, k).not_negative();
-            pass = simd.and_m32s(pass, b.at::<KIND>(plan, k).not_negative());
-            pass = simd.and_m32s(pass, c.at::<KIND>(plan, k).not_negative());
-            if DEPTH {
-                pass = simd.and_m32s(pass, depth.at::<KIND>(plan, k).not_negative());
+            let mut pass = functions[0].at::<KIND>(plan, k).not_negative();
+            for f in 1..N {
+                pass = simd.and_m32s(pass, functions[f].at::<KIND>(plan, k).not_negative());
             }
             words[k >> 5] = simd.or_u32s(words[k >> 5], bit_where(simd, pass, k));
         }

@@ -23,6 +23,30 @@ impl<S: Machine> Lanes<S> {
         Lanes { simd, value }
     }
 
+    /// Register `chunk` of `all`.
+    #[inline(always)]
+    pub fn load<const N: usize>(simd: S, all: &[f32; N], chunk: usize) -> Self {
+        Lanes { simd, value: S::as_simd_f32s(all).0[chunk] }
+    }
+
+    /// Into register `chunk` of `all`.
+    #[inline(always)]
+    pub fn store<const N: usize>(self, all: &mut [f32; N], chunk: usize) {
+        S::as_mut_simd_f32s(all).0[chunk] = self.value;
+    }
+
+    /// self · factor + sum, fused where that is fast: not for what must round everywhere alike.
+    #[inline(always)]
+    pub fn times_plus(self, factor: Self, sum: Self) -> Self {
+        Lanes { simd: self.simd, value: self.simd.mul_add_e_f32s(self.value, factor.value, sum.value) }
+    }
+
+    /// These numbers in the lanes of `mask`, and `other` elsewhere.
+    #[inline(always)]
+    pub fn or(self, mask: S::m32s, other: Self) -> Self {
+        Lanes { simd: self.simd, value: self.simd.select_f32s(mask, self.value, other.value) }
+    }
+
     #[inline(always)]
     pub fn splat(simd: S, value: f32) -> Self {
         Lanes { simd, value: simd.splat_f32s(value) }
@@ -150,6 +174,13 @@ pub(crate) fn cross<S: Machine>(a: LaneVector<S>, b: [f32; 3]) -> LaneVector<S> 
 #[inline(always)]
 pub(crate) fn dot<S: Machine>(a: LaneVector<S>, b: [f32; 3]) -> Lanes<S> {
     (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
+}
+
+/// a · b + c, rounded as is fast.
+#[inline(always)]
+pub(crate) fn dot_plus<S: Machine>(simd: S, a: LaneVector<S>, b: [f32; 3], c: Lanes<S>) -> Lanes<S> {
+    let b = splat(simd, b);
+    a[2].times_plus(b[2], a[1].times_plus(b[1], a[0].times_plus(b[0], c)))
 }
 
 /// a · b.

@@ -11,6 +11,7 @@
 
 mod boxes;
 mod build;
+mod grid;
 mod hierarchy;
 mod instruction_set;
 mod kernel;
@@ -26,6 +27,7 @@ mod shadow;
 mod shaft;
 mod shaft_region;
 mod shooter;
+mod sieve;
 mod triangle;
 
 pub use boxes::Boxes;

@@ -1,11 +1,11 @@
 //! Masks of many points against one shooter: packets of neighbours descend the hierarchy together.
 
-use crate::build::{STACK, Target, WIDTH};
+use crate::build::{SINGLE, STACK, Target, WIDTH};
+use crate::grid::OverGrid;
 use crate::instruction_set::{Machine, Task};
 use crate::packet::{Candidate, PACKET, Packet};
 use crate::plan::Plan;
 use crate::predicate::Prepared;
-use crate::shadow::{Block, Shadows};
 use crate::shaft::Shaft;
 use crate::{Filter, Hierarchy, NO_PLANE, OPAQUE, Points, Tally};
 
@@ -22,32 +22,39 @@ impl Task for Clear<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> Tally {
-        let Clear { hierarchy, plan, points, masks } = self;
+        let plan = self.plan;
+        match (&plan.axes, plan.side) {
+            (Some(axes), 4) => machine.call(OverGrid::<4>(self, axes)),
+            (Some(axes), 8) => machine.call(OverGrid::<8>(self, axes)),
+            (Some(axes), _) => machine.call(OverGrid::<0>(self, axes)),
+            (None, _) => machine.call(OverCells(self)),
+        }
+    }
+}
+
+/// For cells wherever they are: every triangle in a packet's shaft is tested.
+struct OverCells<'a>(Clear<'a>);
+
+impl Task for OverCells<'_> {
+    type Output = Tally;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> Tally {
+        let Clear { hierarchy, plan, points, masks } = self.0;
         let mut tally = Tally::default();
         let mut search = Search { hierarchy, plan, last_blocker: None, tested: false };
         for numbers in in_packets(points).chunks(PACKET) {
             let mut packet = pack(plan, points, numbers, masks);
-            let mut idle = 0;
-            for &number in numbers {
-                let mask = masks[number as u32 as usize];
-                tally.rays += u64::from(mask.count_ones());
-                idle += u64::from(mask & plan.all == 0);
-            }
             search.tested = false;
             search.descend(machine, &mut packet);
-            tally.masks += numbers.len() as u64;
-            tally.masks_without_rays += if search.tested { idle } else { numbers.len() as u64 };
-            for (lane, &number) in numbers.iter().enumerate() {
-                let mask = &mut masks[number as u32 as usize];
-                *mask = (*mask & !plan.all) | packet.mask(lane);
-            }
+            tally = tally.join(packet.unpack(plan, numbers, masks, search.tested));
         }
         tally
     }
 }
 
 /// The numbers of the points (in the lower halves) along a Morton curve through their box: neighbours share a packet.
-fn in_packets(points: Points) -> Vec<u64> {
+pub(crate) fn in_packets(points: Points) -> Vec<u64> {
     let mut numbers: Vec<u64> = (0..points.len() as u64).collect();
     if numbers.len() > PACKET {
         let mut scale = 0f32;
@@ -77,7 +84,7 @@ fn spread(t: u32) -> u32 {
 
 /// The points with these numbers; lanes beyond the last one repeat it and have nothing left to see.
 #[inline(always)]
-fn pack(plan: &Plan, points: Points, numbers: &[u64], masks: &[u64]) -> Packet {
+pub(crate) fn pack(plan: &Plan, points: Points, numbers: &[u64], masks: &[u64]) -> Packet {
     let mut packet = Packet {
         x: [0.0; PACKET],
         y: [0.0; PACKET],
@@ -108,105 +115,97 @@ struct Search<'a> {
 impl Search<'_> {
     #[inline(always)]
     fn descend<M: Machine>(&mut self, machine: M, packet: &mut Packet) {
+        let hierarchy = self.hierarchy;
         let mut unfinished = packet.unfinished(machine);
-        if unfinished == 0 || self.hierarchy.nodes.is_empty() {
+        if unfinished == 0 || hierarchy.nodes.is_empty() {
             return;
         }
-        let mut shaft = Shaft::new(self.plan, packet, unfinished, &self.hierarchy.bounds);
-        let shadows = Shadows::new(self.plan, packet);
-        let mut block = Block::new();
         if let Some(last) = self.last_blocker {
-            block.push(last, &self.hierarchy.triangles[last]);
+            self.test(machine, packet, last);
         }
-        let mut in_shaft = (unfinished.count_ones(), packet.union().count_ones());
+        let mut in_shaft = (0, 0);
+        let mut shaft = None;
         let mut stack = [0u32; STACK];
         let mut height = 1;
-        // The child of a visited node whose triangles are gathered next.
-        let mut leaves = 0u32;
-        let mut node = &self.hierarchy.nodes[0];
-        let mut rest = 0..0;
-        loop {
-            // Gathers triangles until a register is full of them, or no node is left.
-            while block.count < WIDTH {
-                if let Some(index) = rest.next() {
-                    block.push(index, &self.hierarchy.triangles[index]);
-                } else if leaves != 0 {
-                    let i = leaves.trailing_zeros() as usize;
-                    leaves &= leaves - 1;
-                    if let Target::Triangles(range) = node.child[i].target() {
-                        rest = range;
-                    }
-                } else if height > 0 {
-                    height -= 1;
-                    node = &self.hierarchy.nodes[stack[height] as usize];
-                    let above = height;
-                    let mut children = shaft.children(machine, node);
-                    while children != 0 {
-                        let i = children.trailing_zeros() as usize;
-                        children &= children - 1;
-                        match node.child[i].target() {
-                            Target::Node(number) => {
-                                stack[height] = number as u32;
-                                height += 1;
-                            }
-                            Target::Triangles(_) => leaves |= 1 << i,
-                        }
-                    }
-                    // The largest child was found first and is to be visited first.
-                    stack[above..height].reverse();
-                } else {
-                    break;
-                }
-            }
-            if block.count == 0 {
+        while height > 0 {
+            unfinished = packet.unfinished(machine);
+            if unfinished == 0 {
                 return;
             }
-            let all = ((1u64 << block.count) - 1) as u32;
-            let mut left = match &shadows {
-                Some(shadows) => shadows.on_cells(machine, &block, unfinished),
-                None => all,
-            };
-            block.count = 0;
-            let mut cleared = false;
-            while left != 0 {
-                let i = left.trailing_zeros() as usize % WIDTH;
-                left &= left - 1;
-                cleared |= self.test(machine, packet, block.index[i] as usize);
+            // A narrower shaft, once it is for much fewer receivers or cells.
+            let size = (unfinished.count_ones(), packet.union().count_ones());
+            if shaft.is_none() || 2 * size.0 <= in_shaft.0 || 4 * size.1 <= 3 * in_shaft.1 {
+                shaft = Some(Shaft::new(self.plan, packet, unfinished, &hierarchy.bounds));
+                in_shaft = size;
             }
-            if cleared {
-                unfinished = packet.unfinished(machine);
-                if unfinished == 0 {
-                    return;
-                }
-                // A narrower shaft, once it is for much fewer receivers or cells.
-                let size = (unfinished.count_ones(), packet.union().count_ones());
-                if 2 * size.0 <= in_shaft.0 || 4 * size.1 <= 3 * in_shaft.1 {
-                    shaft = Shaft::new(self.plan, packet, unfinished, &self.hierarchy.bounds);
-                    in_shaft = size;
+            let Some(shaft) = &shaft else { return };
+            height -= 1;
+            let node = &hierarchy.nodes[stack[height] as usize];
+            let above = height;
+            let mut children = shaft.children(machine, node);
+            while children != 0 {
+                let i = children.trailing_zeros() as usize % WIDTH;
+                children &= children - 1;
+                match node.child[i].target() {
+                    Target::Node(number) => {
+                        stack[height] = number as u32;
+                        height += 1;
+                    }
+                    Target::Triangles(range) => {
+                        let (mut index, end) = (range.start, range.end);
+                        while index < end {
+                            self.test(machine, packet, index);
+                            index += if hierarchy.facets[index] == SINGLE { 1 } else { 2 };
+                        }
+                    }
                 }
             }
+            // The largest child was found first and is to be visited first.
+            stack[above..height].reverse();
         }
     }
 
-    /// Tests one triangle; whether it blocked anything.
+    /// Tests the triangles of a facet.
     #[inline(always)]
-    fn test<M: Machine>(&mut self, machine: M, packet: &mut Packet, index: usize) -> bool {
-        let (hierarchy, plan) = (self.hierarchy, self.plan);
-        let triangle = &hierarchy.triangles[index];
-        let cells = hierarchy.blocked_cells(plan, triangle.filter);
-        if cells == 0 || triangle.plane == plan.plane && plan.plane != NO_PLANE {
-            return false;
-        }
-        self.tested = true;
-        let cutout = if triangle.filter == OPAQUE {
-            None
-        } else {
-            Some(&hierarchy.filters[triangle.filter as usize]).filter(|f| matches!(f, Filter::Cutout { .. }))
-        };
-        let candidate = Candidate { triangle, prepared: Prepared::new(triangle), cells, cutout };
-        let blocked = packet.clear(machine, plan, &candidate);
-        if blocked {
+    fn test<M: Machine>(&mut self, machine: M, packet: &mut Packet, index: usize) {
+        let (hierarchy, plan, tested) = (self.hierarchy, self.plan, &mut self.tested);
+        if machine.call(Test { hierarchy, plan, packet, index, tested }) {
             self.last_blocker = Some(index);
+        }
+    }
+}
+
+/// The predicate for the triangles of a facet and all receivers; whether it blocked anything.
+pub(crate) struct Test<'a> {
+    pub hierarchy: &'a Hierarchy,
+    pub plan: &'a Plan,
+    pub packet: &'a mut Packet,
+    pub index: usize,
+    /// Set where a triangle was tested.
+    pub tested: &'a mut bool,
+}
+
+impl Task for Test<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<M: Machine>(self, machine: M) -> bool {
+        let Test { hierarchy, plan, packet, index, tested } = self;
+        let (first, other) = hierarchy.facet(index);
+        let mut blocked = false;
+        for triangle in [Some(first), other].into_iter().flatten() {
+            let cells = hierarchy.blocked_cells(plan, triangle.filter);
+            if cells == 0 || triangle.plane == plan.plane && plan.plane != NO_PLANE {
+                continue;
+            }
+            *tested = true;
+            let cutout = if triangle.filter == OPAQUE {
+                None
+            } else {
+                Some(&hierarchy.filters[triangle.filter as usize]).filter(|f| matches!(f, Filter::Cutout { .. }))
+            };
+            let candidate = Candidate { triangle, prepared: Prepared::new(triangle), cells, cutout };
+            blocked |= packet.clear(machine, plan, &candidate);
         }
         blocked
     }

@@ -2,13 +2,18 @@
 
 use crate::instruction_set::Machine;
 use crate::kernel::{DIRECTIONS, Found, GRID, POINTS, TWISTED, View};
-use crate::lanes::{Lanes, any, dot, from_point, nonzero, norm};
+use crate::lanes::{LaneVector, Lanes, any, dot, from_point, nonzero, norm};
 use crate::plan::{Kind, Plan};
 use crate::predicate::{self, Prepared};
-use crate::{NO_PLANE, Triangle};
+use crate::{NO_PLANE, Tally, Triangle};
 
 /// Receivers in a packet.
 pub(crate) const PACKET: usize = 16;
+
+/// Words of a mask that the cells of a grid with so many rows and columns take; 0 stands for any cells.
+pub(crate) const fn words_of(side: usize) -> usize {
+    if side == 0 || side > 5 { 2 } else { 1 }
+}
 
 /// Receivers tested together, and the cells that each of them still sees.
 #[repr(C, align(64))]
@@ -34,9 +39,32 @@ pub(crate) struct Candidate<'a> {
 }
 
 impl Packet {
+    /// The points of a register.
     #[inline(always)]
-    fn lanes<S: Machine>(simd: S, all: &[f32; PACKET], chunk: usize) -> Lanes<S> {
-        Lanes::new(simd, S::as_simd_f32s(all).0[chunk])
+    pub fn points<S: Machine>(&self, simd: S, chunk: usize) -> LaneVector<S> {
+        [Lanes::load(simd, &self.x, chunk), Lanes::load(simd, &self.y, chunk), Lanes::load(simd, &self.z, chunk)]
+    }
+
+    /// [`Plan::reach`] of the points of a register.
+    #[inline(always)]
+    pub fn reach<S: Machine>(&self, simd: S, chunk: usize) -> Lanes<S> {
+        Lanes::load(simd, &self.reach, chunk)
+    }
+
+    /// The masks of a register, over a grid.
+    #[inline(always)]
+    pub fn masks_of<S: Machine, const SIDE: usize>(&self, simd: S, chunk: usize) -> [S::u32s; 2] {
+        let low = S::as_simd_u32s(&self.words[0]).0[chunk];
+        if words_of(SIDE) == 1 {
+            return [low, simd.splat_u32s(0)];
+        }
+        [low, S::as_simd_u32s(&self.words[1]).0[chunk]]
+    }
+
+    /// The masks of a register.
+    #[inline(always)]
+    pub fn masks<S: Machine>(&self, _: S, chunk: usize) -> [S::u32s; 2] {
+        [S::as_simd_u32s(&self.words[0]).0[chunk], S::as_simd_u32s(&self.words[1]).0[chunk]]
     }
 
     pub fn point(&self, lane: usize) -> [f32; 3] {
@@ -69,6 +97,19 @@ impl Packet {
         bits
     }
 
+    /// Puts the masks in place of those of the points with these numbers; counts those it was packed from.
+    pub fn unpack(&self, plan: &Plan, numbers: &[u64], masks: &mut [u64], tested: bool) -> Tally {
+        let count = numbers.len() as u64;
+        let mut tally = Tally { rays: 0, masks: count, masks_without_rays: 0 };
+        for (lane, &number) in numbers.iter().enumerate() {
+            let mask = &mut masks[number as u32 as usize];
+            tally.rays += u64::from(mask.count_ones());
+            tally.masks_without_rays += u64::from(!tested || *mask & plan.all == 0);
+            *mask = (*mask & !plan.all) | self.mask(lane);
+        }
+        tally
+    }
+
     /// Clears the bits that the candidate blocks; whether it blocked any.
     #[inline(always)]
     pub fn clear<S: Machine>(&mut self, simd: S, plan: &Plan, candidate: &Candidate) -> bool {
@@ -97,11 +138,9 @@ impl Packet {
         chunk: usize,
     ) -> bool {
         let t = &candidate.prepared;
-        let x =
-            [Self::lanes(simd, &self.x, chunk), Self::lanes(simd, &self.y, chunk), Self::lanes(simd, &self.z, chunk)];
-        let low = S::as_simd_u32s(&self.words[0]).0[chunk];
-        let high = S::as_simd_u32s(&self.words[1]).0[chunk];
-        let reach = Self::lanes(simd, &self.reach, chunk);
+        let x = self.points(simd, chunk);
+        let [low, high] = self.masks(simd, chunk);
+        let reach = self.reach(simd, chunk);
 
         let to_first = from_point(t.corners[0], x);
         let height = dot(to_first, t.normal);

@@ -1,6 +1,7 @@
 //! A shooter made ready for the predicate: its cells, and the functions of them that the predicate asks for.
 
 use crate::predicate::{BOX_MARGIN, Prepared, Vector, dot, norm, pass, sub};
+use crate::shadow::axes;
 use crate::{Cells, Layout, MAX_CELLS, NO_PLANE, Shooter};
 
 /// How the cells are evaluated. What the predicate computes depends on this, never on lanes or instruction set.
@@ -46,6 +47,10 @@ pub(crate) struct Plan {
     pub count: usize,
     /// An untwisted grid's cells lie at parameters (whole number + 1 / `lattice.1`) / `lattice.0`, or some of those.
     pub lattice: (f32, f32),
+    /// An untwisted grid's axes, see [`crate::shadow`].
+    pub axes: Option<[Vector; 3]>,
+    /// An untwisted grid's columns and rows.
+    pub lines: [Lines; 2],
     /// Mask with a bit for every cell.
     pub all: u64,
     /// Positions, or directions, of the cells.
@@ -70,6 +75,46 @@ pub(crate) struct Plan {
     pub plane: u32,
 }
 
+/// The lines of a lattice, along one of its directions, on which cells lie.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lines {
+    lines: [Line; MAX_LINES],
+    count: usize,
+}
+
+/// The most lines of a grid: those of a triangle with eight cells along a side.
+const MAX_LINES: usize = 16;
+
+/// Cells with the same parameter.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Line {
+    /// Which whole number of the lattice.
+    pub at: f32,
+    /// Mask bits 0 to 31, and 32 to 63.
+    pub cells: [u32; 2],
+}
+
+impl Lines {
+    /// Of cells with these parameters.
+    fn new(parameters: &[f32], (count, part): (f32, f32)) -> Lines {
+        let mut lines = Lines::default();
+        for (k, t) in parameters.iter().enumerate() {
+            let at = (t * count - 1.0 / part).round();
+            let known = lines.as_slice().iter().position(|line| line.at == at);
+            let number = known.unwrap_or(lines.count);
+            lines.count = lines.count.max(number + 1);
+            lines.lines[number].at = at;
+            lines.lines[number].cells[k / 32] |= 1 << (k % 32);
+        }
+        lines
+    }
+
+    #[inline(always)]
+    pub fn as_slice(&self) -> &[Line] {
+        &self.lines[..self.count]
+    }
+}
+
 impl Plan {
     pub fn new(shooter: &Shooter) -> Plan {
         let count = shooter.cells.len();
@@ -79,6 +124,8 @@ impl Plan {
             side: 0,
             count,
             lattice: (1.0, 2.0),
+            axes: None,
+            lines: [Lines::default(); 2],
             all: shooter.cells.all(),
             cells: [[0.0; 3]; MAX_CELLS],
             u: [0.0; MAX_CELLS],
@@ -106,11 +153,15 @@ impl Plan {
                     plan.cells[k] = grid.point(k);
                     [plan.u[k], plan.v[k]] = grid.layout.centre(grid.side, k);
                 }
+                plan.lines = [Lines::new(&plan.u[..count], plan.lattice), Lines::new(&plan.v[..count], plan.lattice)];
                 let range = |t: &[f32]| [t.iter().copied().fold(1.0, f32::min), t.iter().copied().fold(0.0, f32::max)];
                 plan.u_range = range(&plan.u[..count]);
                 plan.v_range = range(&plan.v[..count]);
                 (plan.anchor, plan.edge_u, plan.edge_v, plan.twist) =
                     (grid.origin, grid.edge_u, grid.edge_v, grid.twist);
+                if plan.kind == Kind::Grid {
+                    plan.axes = axes(grid.edge_u, grid.edge_v, plan.lattice);
+                }
                 plan.spread = (norm(grid.edge_u) + norm(grid.edge_v)) + norm(grid.twist);
             }
             Cells::Points(cells) | Cells::Directions(cells) => {

@@ -5,6 +5,7 @@ use crate::{Bound, Row, Section};
 use ringlight::scene::{Light, LightKind, Scene};
 use ringlight::shooting::{ClusterLight, Shoot, Work, patch_shot, receive};
 use ringlight::solve::Energy;
+use ringlight_visibility::PreparedShooter;
 
 /// One of our own scenes, and what is allowed of it.
 struct Own {
@@ -122,10 +123,11 @@ fn reciprocity(scene: &Meshed, cells: u32) -> [f64; 2] {
         let index = (from - mesh.clusters[cluster].patches.start) as usize;
         let mut shot = patch_shot(mesh, &patch, &ClusterLight::new(mesh, cluster), index, side, Shoot::Average);
         shot.light.fill([1.0; 3]);
+        let shooter = PreparedShooter::new(&shot.shooter);
         for (j, &to) in sample.iter().enumerate() {
             let cluster = mesh.cluster_of(to);
             let mut light = ClusterLight::new(mesh, cluster);
-            receive(mesh, cluster, &mut light, &shot, &scene.hierarchy, &mut work);
+            receive(mesh, cluster, &mut light, &shot, &shooter, &scene.hierarchy, &mut work);
             let patch = mesh.patch(to);
             for (k, e) in patch.elements().enumerate() {
                 let irradiance = light.elements[(e - mesh.clusters[cluster].elements.start) as usize].mean()[0];

@@ -68,9 +68,11 @@ pub fn add(a: Vector, b: Vector, share: f32) -> Vector {
 /// The kinds of occluders that break careless predicates.
 pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize) -> Vec<Triangle> {
     let mut made: Vec<[Vector; 3]> = Vec::new();
+    // Those that are in the plane of the one before.
+    let mut pairs = Vec::new();
     while made.len() < count {
         let a = random.vector();
-        match random.below(8) {
+        match random.below(11) {
             // A soup of all sizes.
             0 | 1 => {
                 let size = 10f32.powi(-(random.below(3) as i32));
@@ -99,13 +101,37 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
                 made.extend((0..5).map(|i| [a, ring[i], ring[(i + 1) % 5]]));
             }
             // In one plane with much else.
-            _ => {
+            7 => {
                 let flat = |p: Vector| [p[0], p[1], 0.125];
                 made.push([flat(a), flat(random.vector()), flat(random.vector())]);
             }
+            // Parallelograms, cut along either diagonal: on a lattice, anywhere, thin, and not quite flat.
+            kind => {
+                let a = if kind == 8 { random.lattice() } else { a };
+                let edge = |random: &mut Random| match (kind, random.below(3)) {
+                    (8, axis) => {
+                        std::array::from_fn(|i| if i == axis { 0.25 * random.below(9) as f32 - 1.0 } else { 0.0 })
+                    }
+                    (_, 0) => random.vector().map(|c| 0.01 * c),
+                    _ => random.vector(),
+                };
+                let (e, g) = (edge(random), edge(random));
+                let off = if random.below(2) == 0 { 0.0 } else { 10f32.powi(-3 - random.below(5) as i32) };
+                let (b, c) = (add(a, e, 1.0), add(a, g, 1.0));
+                let d = add(add(b, g, 1.0), random.vector(), off);
+                let mut pair = [[a, b, c], [c, b, d]];
+                pair[0].rotate_left(random.below(3));
+                pair[1].rotate_left(random.below(3));
+                if random.below(2) == 0 {
+                    pair[1].swap(0, 1);
+                }
+                pairs.push(made.len() + 1);
+                made.extend(pair);
+            }
         }
     }
-    made.iter()
+    let mut triangles: Vec<Triangle> = made
+        .iter()
         .zip(0..)
         .map(|(corners, id)| Triangle {
             corners: corners.map(|c| place.at(c)),
@@ -113,7 +139,11 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
             id,
             filter: if filters > 0 && random.below(3) == 0 { random.below(filters) as u32 } else { OPAQUE },
         })
-        .collect()
+        .collect();
+    for second in pairs {
+        triangles[second].plane = triangles[second - 1].plane;
+    }
+    triangles
 }
 
 pub fn filters(random: &mut Random) -> Vec<Filter> {

@@ -5,7 +5,7 @@
 use super::gather::{Received, Receiver, Role, Spread, gather};
 use super::shot::{Shot, Source};
 use glam::DVec3;
-use ringlight_visibility::{Cells, Hierarchy, Points, Tally};
+use ringlight_visibility::{Cells, Hierarchy, Points, PreparedShooter, Tally};
 use std::ops::Range;
 
 /// Points with normals that receive one shot after another; the buffers are reused.
@@ -57,10 +57,10 @@ impl Packet {
         Role::Alone(self.spreads.len() as u32 - 1)
     }
 
-    /// Finds what each point sees of the shot, and what it receives.
-    pub fn receive(&mut self, shot: &Shot, hierarchy: &Hierarchy) -> Tally {
+    /// Finds what each point sees of the shot, whose shooter is `shooter`, and what it receives.
+    pub fn receive(&mut self, shot: &Shot, shooter: &PreparedShooter, hierarchy: &Hierarchy) -> Tally {
         let (points, masks) = self.split_mut();
-        let tally = hierarchy.clear_blocked(&shot.shooter, points, masks);
+        let tally = hierarchy.clear_blocked_of(shooter, points, masks);
         self.gather(shot);
         tally
     }

@@ -10,7 +10,7 @@ use super::packet::Packet;
 use super::shot::{Shot, Source};
 use crate::mesh::{ALL_VALID, Mesh, Patch};
 use glam::DVec3;
-use ringlight_visibility::{Cells, Hierarchy, Layout, Tally};
+use ringlight_visibility::{Cells, Hierarchy, Layout, PreparedShooter, Tally};
 
 /// Elements nearer to the shooter than this many of their widths also take area samples: the error of a single point's
 /// second-order mean is of the order of (width/distance)⁴/100.
@@ -33,12 +33,13 @@ struct Sample {
     followers: u8,
 }
 
-/// Adds to `light`, the light of cluster number `cluster`, what it receives from `shot`.
+/// Adds to `light`, the light of cluster number `cluster`, what it receives from `shot`, whose shooter is `shooter`.
 pub fn receive(
     mesh: &Mesh,
     cluster: usize,
     light: &mut ClusterLight,
     shot: &Shot,
+    shooter: &PreparedShooter,
     hierarchy: &Hierarchy,
     work: &mut Work,
 ) -> Tally {
@@ -46,7 +47,7 @@ pub fn receive(
     if work.samples.is_empty() {
         return Tally::default();
     }
-    let tally = work.packet.receive(shot, hierarchy);
+    let tally = work.packet.receive(shot, shooter, hierarchy);
     add(mesh, cluster, light, is_hard(shot), work);
     tally
 }

@@ -10,7 +10,7 @@ use crate::ring::{Load, Visits, Window};
 use crate::shooting::{self, ClusterLight, Shot, Work};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
-use ringlight_visibility::{Hierarchy, Shooter, Tally};
+use ringlight_visibility::{Hierarchy, PreparedShooter, Shooter, Tally};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -282,7 +282,9 @@ impl Wider<'_> {
 
 /// What a ring of one does: every own cluster receives the shot, in parallel; each computes its light alone.
 fn receive(mesh: &Mesh, share: &Share, hierarchy: &Hierarchy, shot: &Shot, light: &mut [ClusterLight]) -> Tally {
-    let own = share.own.par_iter().zip(light).with_min_len(4);
-    own.map_init(Work::default, |work, (&c, light)| shooting::receive(mesh, c as usize, light, shot, hierarchy, work))
-        .reduce(Tally::default, Tally::join)
+    let shooter = PreparedShooter::new(&shot.shooter);
+    let one = |work: &mut Work, (&cluster, light): (&u32, &mut ClusterLight)| {
+        shooting::receive(mesh, cluster as usize, light, shot, &shooter, hierarchy, work)
+    };
+    share.own.par_iter().zip(light).with_min_len(4).map_init(Work::default, one).reduce(Tally::default, Tally::join)
 }

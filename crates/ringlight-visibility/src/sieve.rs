@@ -1,0 +1,311 @@
+//! A quick look at a triangle, or at two that make a parallelogram, for a packet of receivers and a grid of cells.
+//!
+//! Seen from the grid's corner, with x the receiver, v a corner of the facet, e and g its edges there, N = e × g, and a
+//! cell c = u·U + v·W, the predicate's functions are, in exact arithmetic,
+//!
+//!   f = ((v−x)×e)·(c−x),  h = (g×(v−x))·(c−x),  and with D = N·(c−x) the third one D − f − h.
+//!
+//! A parallelogram has D − f and D − h instead. As V = v×e does not depend on the receiver, nor x×U and x×W on the facet,
+//! each is had for nine products. They round otherwise than the predicate does; so what lies near a border
+//! is left to it, and all else is certain: the bits are the predicate's.
+
+#![allow(clippy::needless_range_loop, reason = "what iterators do to lanes is not inlined, and loses the vectors")]
+
+use crate::instruction_set::Machine;
+use crate::kernel::{Affine, words};
+use crate::lanes::{self, LaneVector, Lanes, any, dot, dot_plus, from_point, minus, nonzero, norm, splat};
+use crate::packet::{PACKET, Packet, words_of};
+use crate::plan::Plan;
+use crate::predicate::{GRAZING, ROUNDING, Vector, cross, dot as product, norm as length, sub};
+use crate::{NO_PLANE, Triangle};
+
+/// Bound on the error of the functions here, relative to longest · (|v|+|x|+longest) · reach: the third is the sum of three
+/// with some twelve roundings of 2⁻²⁴ each.
+const OURS: f32 = 3.0 * ROUNDING;
+
+/// Bound on the predicate's, relative to longest · (|v−x|+longest) · reach. It may err by [`ROUNDING`] and forgives as
+/// much; where two triangles make a parallelogram, a border of one is the sum of two functions of the other.
+const THEIRS: f32 = 4.0 * ROUNDING;
+
+/// How far two triangles may be from a parallelogram, relative to the longest edge.
+pub(crate) const FLAT: f32 = 2.0 * ROUNDING;
+
+/// A facet as seen from the shooter.
+pub(crate) struct Facet {
+    corner: Vector,
+    e: Vector,
+    g: Vector,
+    normal: Vector,
+    /// v × e and g × v.
+    moments: [Vector; 2],
+    /// Their products with U and W.
+    slopes: [[f32; 2]; 2],
+    /// N·U, N·W.
+    rise: [f32; 2],
+    longest: f32,
+    /// What the predicate may be off, for each metre from the corner and of reach.
+    strip: f32,
+    /// |v| + longest.
+    size: f32,
+    /// Least |T| for each metre from the corner that tells the side.
+    flat: f32,
+    /// Least |T| for each metre from the corner where rounding cannot confuse the two triangles; 0 where that does not matter.
+    grazing: f32,
+    plane: u32,
+}
+
+impl Facet {
+    /// The triangle; with `other`, the parallelogram that both make. See [`parallelogram`] for `corners`.
+    #[inline(always)]
+    pub fn new(plan: &Plan, triangle: &Triangle, corners: u8, other: Option<&Triangle>) -> Facet {
+        let [corner, b, c] = match corners & 3 {
+            1 => [triangle.corners[1], triangle.corners[2], triangle.corners[0]],
+            2 => [triangle.corners[2], triangle.corners[0], triangle.corners[1]],
+            _ => triangle.corners,
+        };
+        let fourth = other.map(|t| t.corners[(corners >> 2) as usize % 3]);
+        let (e, g, seen) = (sub(b, corner), sub(c, corner), sub(corner, plan.anchor));
+        let normal = cross(e, g);
+        let moments = [cross(seen, e), cross(g, seen)];
+        let edge = sub(e, g);
+        let more = |a: f32, b: f32| if a > b { a } else { b };
+        let longest = more(more(length(e), length(g)), length(edge));
+        let squared = more(more(product(e, e), product(g, g)), product(edge, edge));
+        // How far apart the planes of the two triangles may be.
+        let bent = match fourth {
+            Some(fourth) => length(sub(sub(fourth, corner), [e[0] + g[0], e[1] + g[1], e[2] + g[2]])),
+            None => 0.0,
+        };
+        Facet {
+            corner,
+            e,
+            g,
+            normal,
+            moments,
+            slopes: moments.map(|m| [product(m, plan.edge_u), product(m, plan.edge_v)]),
+            rise: [product(normal, plan.edge_u), product(normal, plan.edge_v)],
+            longest,
+            strip: THEIRS * longest + 2.0 * bent,
+            size: length(seen) + longest,
+            flat: 0.5 * ROUNDING * length(normal) + 2.0 * bent * longest,
+            // Where both triangles fill the same box, the predicate's check of grazing hits passes for both.
+            grazing: if (0..3).all(|i| e[i] * g[i] <= 0.0) { 0.0 } else { 0.5 * GRAZING * squared },
+            plane: triangle.plane,
+        }
+    }
+}
+
+/// Whether the two triangles are one facet, a parallelogram in one plane: the number of the corner that only the first
+/// one has, and four times the number of the one that only the second one has.
+pub(crate) fn parallelogram(a: &Triangle, b: &Triangle) -> Option<u8> {
+    if a.plane != b.plane || a.filter != crate::OPAQUE || b.filter != crate::OPAQUE {
+        return None;
+    }
+    let only_first = (0..3).find(|&i| !b.corners.contains(&a.corners[i]))?;
+    let shared = [a.corners[(only_first + 1) % 3], a.corners[(only_first + 2) % 3]];
+    if !shared.iter().all(|c| b.corners.contains(c)) {
+        return None;
+    }
+    let only_second = (0..3).find(|&i| !shared.contains(&b.corners[i]))?;
+    let fourth = b.corners[only_second];
+    let corner = a.corners[only_first];
+    let (e, g) = (sub(shared[0], corner), sub(shared[1], corner));
+    let off = sub(sub(fourth, corner), [e[0] + g[0], e[1] + g[1], e[2] + g[2]]);
+    let longest = length(e).max(length(g));
+    (length(off) <= FLAT * longest).then_some((only_first | only_second << 2) as u8)
+}
+
+/// What depends on receivers and grid alone: x, x×U and x×W seen from the grid's corner.
+#[repr(C, align(64))]
+pub(crate) struct Frame {
+    x: [[f32; PACKET]; 3],
+    by_u: [[f32; PACKET]; 3],
+    by_v: [[f32; PACKET]; 3],
+    /// |x|.
+    length: [f32; PACKET],
+}
+
+impl Frame {
+    #[inline(always)]
+    pub fn new<S: Machine>(simd: S, plan: &Plan, packet: &Packet) -> Frame {
+        let none = [[0.0; PACKET]; 3];
+        let mut frame = Frame { x: none, by_u: none, by_v: none, length: [0.0; PACKET] };
+        let anchor = splat(simd, plan.anchor);
+        for chunk in 0..PACKET / S::F32_LANES {
+            let x = minus(packet.points(simd, chunk), anchor);
+            let (by_u, by_v) = (lanes::cross(x, plan.edge_u), lanes::cross(x, plan.edge_v));
+            for i in 0..3 {
+                x[i].store(&mut frame.x[i], chunk);
+                by_u[i].store(&mut frame.by_u[i], chunk);
+                by_v[i].store(&mut frame.by_v[i], chunk);
+            }
+            norm(x).store(&mut frame.length, chunk);
+        }
+        frame
+    }
+
+    #[inline(always)]
+    fn vector<S: Machine>(simd: S, of: &[[f32; PACKET]; 3], chunk: usize) -> LaneVector<S> {
+        [Lanes::load(simd, &of[0], chunk), Lanes::load(simd, &of[1], chunk), Lanes::load(simd, &of[2], chunk)]
+    }
+}
+
+/// What a facet does to a packet.
+pub(crate) struct Sifted {
+    /// Whether bits were cleared.
+    pub cleared: bool,
+    /// Whether the predicate is to be asked about bits that are left.
+    pub doubtful: bool,
+}
+
+/// Clears what the facet hides for certain.
+#[inline(always)]
+pub(crate) fn sift<S: Machine, const SIDE: usize, const QUAD: bool>(
+    simd: S,
+    plan: &Plan,
+    frame: &Frame,
+    packet: &mut Packet,
+    facet: &Facet,
+) -> Sifted {
+    let mut sifted = Sifted { cleared: false, doubtful: false };
+    for chunk in 0..PACKET / S::F32_LANES {
+        sift_chunk::<S, SIDE, QUAD>(simd, plan, frame, packet, facet, chunk, &mut sifted);
+    }
+    sifted
+}
+
+#[inline(always)]
+fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
+    simd: S,
+    plan: &Plan,
+    frame: &Frame,
+    packet: &mut Packet,
+    facet: &Facet,
+    chunk: usize,
+    sifted: &mut Sifted,
+) {
+    let masks = packet.masks_of::<S, SIDE>(simd, chunk);
+    let mut alive = nonzero(simd, simd.or_u32s(masks[0], masks[1]));
+    if facet.plane != NO_PLANE {
+        let same = simd.equal_u32s(S::as_simd_u32s(&packet.plane).0[chunk], simd.splat_u32s(facet.plane));
+        alive = simd.and_m32s(alive, simd.not_m32s(same));
+    }
+    let zero = Lanes::splat(simd, 0.0);
+    let to_corner = from_point(facet.corner, packet.points(simd, chunk));
+    let height = dot(to_corner, facet.normal);
+    let (sign, distance) = (height.sign(), height.abs());
+    let near = norm(to_corner) + facet.longest;
+    let unsure = simd.and_m32s(alive, distance.below(near * facet.flat));
+    let reach = packet.reach(simd, chunk);
+    let across = facet.size + Lanes::load(simd, &frame.length, chunk);
+    let band = (across * (OURS * facet.longest) + near * facet.strip) * reach;
+
+    let x = Frame::vector(simd, &frame.x, chunk);
+    let (by_u, by_v) = (Frame::vector(simd, &frame.by_u, chunk), Frame::vector(simd, &frame.by_v, chunk));
+    let rise = Affine {
+        base: dot_plus(simd, x, opposite(facet.normal), zero).flip(sign),
+        u: Lanes::splat(simd, facet.rise[0]).flip(sign),
+        v: Lanes::splat(simd, facet.rise[1]).flip(sign),
+        w: zero,
+    };
+    let depth_band = (across + reach) * (THEIRS * facet.longest * facet.longest);
+    let depth = Affine {
+        base: (rise.base * plan.far - distance) + depth_band,
+        u: rise.u * plan.far,
+        v: rise.v * plan.far,
+        w: zero,
+    };
+    let [bottom, top] = depth.bounds::<0>(simd, plan);
+    let mut open = simd.and_m32s(alive, simd.or_m32s(unsure, top.not_negative()));
+    if !any(simd, open) {
+        return;
+    }
+    let first = Affine {
+        base: dot_plus(simd, x, opposite(facet.moments[0]), zero).flip(sign),
+        u: dot_plus(simd, by_u, facet.e, Lanes::splat(simd, facet.slopes[0][0])).flip(sign),
+        v: dot_plus(simd, by_v, facet.e, Lanes::splat(simd, facet.slopes[0][1])).flip(sign),
+        w: zero,
+    };
+    let second = Affine {
+        base: dot_plus(simd, x, opposite(facet.moments[1]), zero).flip(sign),
+        u: dot_plus(simd, by_u, opposite(facet.g), Lanes::splat(simd, facet.slopes[1][0])).flip(sign),
+        v: dot_plus(simd, by_v, opposite(facet.g), Lanes::splat(simd, facet.slopes[1][1])).flip(sign),
+        w: zero,
+    };
+    let (third, fourth) =
+        if QUAD { (rise.less(first), rise.less(second)) } else { (rise.less(first).less(second), rise) };
+    let functions = [first.plus(band), second.plus(band), third.plus(band), fourth.plus(band)];
+    let mut possible = simd.and_m32s(open, top.not_negative());
+    let count = if QUAD { 4 } else { 3 };
+    for f in 0..count {
+        let [_, top] = functions[f].bounds::<0>(simd, plan);
+        possible = simd.and_m32s(possible, top.not_negative());
+    }
+    open = simd.or_m32s(possible, unsure);
+    if !any(simd, open) {
+        return;
+    }
+    let none = simd.splat_u32s(0);
+    let [a, b, c, d] = functions;
+    // Where a cell may lie before the facet, depth is one function more.
+    let twice = depth_band + depth_band;
+    let crossing = any(simd, simd.and_m32s(possible, (bottom - twice).below(zero)));
+    let mut maybe = cells::<S, SIDE, QUAD>(simd, plan, [a, b, c, d], depth, crossing);
+    for w in 0..words_of(SIDE) {
+        maybe[w] = simd.and_u32s(masks[w], simd.select_u32s(possible, maybe[w], none));
+        maybe[w] = simd.or_u32s(maybe[w], simd.and_u32s(masks[w], simd.select_u32s(unsure, masks[w], none)));
+    }
+    if !any(simd, nonzero(simd, simd.or_u32s(maybe[0], maybe[1]))) {
+        return;
+    }
+    let off = band + band;
+    let functions = [a.minus(off), b.minus(off), c.minus(off), d.minus(off)];
+    let mut sure = cells::<S, SIDE, QUAD>(simd, plan, functions, depth.minus(twice), crossing);
+    let certain = simd.not_m32s(unsure);
+    // Where the receiver grazes the facet, which of a parallelogram's triangles is hit must be certain, too.
+    if QUAD {
+        let grazing = simd.and_m32s(possible, distance.below(near * facet.grazing));
+        if any(simd, grazing) {
+            let apart = rise.less(first).less(second);
+            let one = words::<S, 0, SIDE, 1>(simd, plan, [apart.minus(band)]);
+            let both = words::<S, 0, SIDE, 1>(simd, plan, [apart.plus(band)]);
+            for w in 0..words_of(SIDE) {
+                let clear = simd.or_u32s(one[w], simd.not_u32s(both[w]));
+                sure[w] = simd.select_u32s(grazing, simd.and_u32s(sure[w], clear), sure[w]);
+            }
+        }
+    }
+    let mut left = none;
+    let mut hidden = none;
+    for w in 0..words_of(SIDE) {
+        sure[w] = simd.and_u32s(maybe[w], simd.select_u32s(certain, sure[w], none));
+        left = simd.or_u32s(left, simd.xor_u32s(maybe[w], sure[w]));
+        hidden = simd.or_u32s(hidden, sure[w]);
+        S::as_mut_simd_u32s(&mut packet.words[w]).0[chunk] = simd.xor_u32s(masks[w], sure[w]);
+    }
+    sifted.cleared |= any(simd, nonzero(simd, hidden));
+    sifted.doubtful |= any(simd, nonzero(simd, left));
+}
+
+/// −a.
+#[inline(always)]
+fn opposite(a: Vector) -> Vector {
+    [-a[0], -a[1], -a[2]]
+}
+
+/// The cells inside a facet's borders, and if it is `crossing` the cells' plane, behind it.
+#[inline(always)]
+fn cells<S: Machine, const SIDE: usize, const QUAD: bool>(
+    simd: S,
+    plan: &Plan,
+    [a, b, c, d]: [Affine<S>; 4],
+    depth: Affine<S>,
+    crossing: bool,
+) -> [S::u32s; 2] {
+    match (QUAD, crossing) {
+        (true, true) => words::<S, 0, SIDE, 5>(simd, plan, [a, b, c, d, depth]),
+        (true, false) => words::<S, 0, SIDE, 4>(simd, plan, [a, b, c, d]),
+        (false, true) => words::<S, 0, SIDE, 4>(simd, plan, [a, b, c, depth]),
+        (false, false) => words::<S, 0, SIDE, 3>(simd, plan, [a, b, c]),
+    }
+}
