@@ -9,11 +9,11 @@ use crate::{Triangle, predicate};
 /// Children of a node: as many as the widest register has lanes.
 pub(crate) const WIDTH: usize = 16;
 
-/// Most triangles in a leaf where the heuristic may choose.
+/// Most facets in a leaf where the heuristic may choose.
 const LEAF: usize = 4;
 
 /// Most triangles in a leaf where the alternative is a node with hardly any children.
-const LARGE_LEAF: usize = 2;
+const LARGE_LEAF: usize = 4;
 
 const BINS: usize = 16;
 
@@ -164,21 +164,16 @@ pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds, Vec<u8>) 
         leaf @ Tree::Leaf(..) => Tree::Inner(bounds, vec![leaf]),
         inner => inner,
     };
-    let facets: Vec<u8> = items.iter().flat_map(|i| std::iter::repeat_n(i.facet, i.triangles())).collect();
-    let mut first = 0;
-    let firsts: Vec<u32> = items
-        .iter()
-        .map(|item| {
-            let here = first;
-            first += item.triangles() as u32;
-            here
-        })
-        .chain([triangles.len() as u32])
-        .collect();
-    let order = items.iter().flat_map(|i| i.index..i.index + i.triangles() as u32).collect();
-    drop(items);
+    // Exactly as many as there are: vectors that grow hold twice as much.
+    let (mut facets, mut order) = (Vec::with_capacity(triangles.len()), Vec::with_capacity(triangles.len()));
+    let mut firsts = Vec::with_capacity(items.len() + 1);
+    for item in items {
+        firsts.push(order.len() as u32);
+        order.extend(item.index..item.index + item.triangles() as u32);
+        facets.resize(order.len(), item.facet);
+    }
+    firsts.push(order.len() as u32);
     reorder(triangles, order);
-    // Exactly as many: a vector that grows holds them twice.
     let mut nodes = Vec::with_capacity(tree.inner_nodes());
     flatten(&tree, &firsts, &mut nodes);
     (nodes, bounds, facets)
@@ -186,7 +181,7 @@ pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds, Vec<u8>) 
 
 /// Neighbours that make a parallelogram are one item.
 fn items(triangles: &[Triangle]) -> Vec<Item> {
-    let mut items: Vec<Item> = Vec::new();
+    let mut items: Vec<Item> = Vec::with_capacity(triangles.len());
     let mut index = 0;
     while index < triangles.len() {
         let mut bounds = around(&triangles[index]);
@@ -263,7 +258,9 @@ fn grow_all(mut parts: Vec<Part>) -> Vec<Tree> {
 }
 
 fn grow_one(part: Part) -> Tree {
-    if part.whole || part.items.len() <= LARGE_LEAF {
+    if part.whole
+        || part.items.len() <= LARGE_LEAF && part.items.iter().map(Item::triangles).sum::<usize>() <= LARGE_LEAF
+    {
         Tree::Leaf(part.bounds, part.first, part.items.len())
     } else {
         grow(part)
