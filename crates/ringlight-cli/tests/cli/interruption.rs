@@ -3,13 +3,10 @@
 use crate::workshop::Workshop;
 use predicates::str::contains;
 
-/// Sizes and a stop rule that keep the command busy until it is stopped.
-const ENDLESS: &str = "--until 0 --force";
-
 #[test]
 fn a_time_limit_leaves_a_valid_solution_and_says_so() {
     let workshop = Workshop::new();
-    workshop.bake(&format!("{ENDLESS} --time-limit 0.3 -o a.ringlight --report a.json")).assert().code(4);
+    workshop.bake_endlessly("--force --time-limit 0.3 -o a.ringlight --report a.json").assert().code(4);
     assert_eq!(workshop.json("a.json")["solve"]["stop_reason"], "time-limit");
     workshop.ringlight("export a.ringlight -o b.ringlight").assert().code(0);
 }
@@ -17,9 +14,9 @@ fn a_time_limit_leaves_a_valid_solution_and_says_so() {
 #[test]
 fn a_time_limit_stops_all_ranks_after_the_same_shot() {
     let workshop = Workshop::new();
-    workshop.bake(&format!("{ENDLESS} --ranks 3 --time-limit 1 -o a.ringlight --report a.json")).assert().code(4);
+    workshop.bake_endlessly("--force --ranks 3 --time-limit 1 -o a.ringlight --report a.json").assert().code(4);
     let shots = workshop.json("a.json")["solve"]["shots"].as_u64().unwrap();
-    workshop.bake(&format!("{ENDLESS} --max-shots {shots} -o b.ringlight")).assert().code(0);
+    workshop.bake_endlessly(&format!("--force --max-shots {shots} -o b.ringlight")).assert().code(0);
     assert!(workshop.bytes("a.ringlight") == workshop.bytes("b.ringlight"));
 }
 
@@ -31,8 +28,8 @@ fn assert_goes_on_exactly(workshop: &Workshop, part: &str) {
     let shots = workshop.json("look.json")["solve"]["shots"].as_u64().unwrap() + 25;
     let resume = format!("resume {part} -o resumed.ringlight --until 0 --max-shots {shots} --report resumed.json");
     workshop.ringlight(&resume).assert().code(0);
-    let whole = format!("-o whole.ringlight --until 0 --max-shots {shots} --report whole.json");
-    workshop.bake(&whole).assert().code(0);
+    let whole = format!("-o whole.ringlight --max-shots {shots} --report whole.json");
+    workshop.bake_endlessly(&whole).assert().code(0);
     assert_eq!(workshop.json("resumed.json")["solution_digest"], workshop.json("whole.json")["solution_digest"]);
     assert!(workshop.bytes("resumed.ringlight") == workshop.bytes("whole.ringlight"));
 }
@@ -52,7 +49,7 @@ fn wait_for(what: impl Fn() -> bool) {
 #[test]
 fn a_killed_run_goes_on_from_its_checkpoint() {
     let workshop = Workshop::new();
-    let mut child = workshop.start_baking(&format!("{ENDLESS} -o a.ringlight --checkpoint part.ringlight@0"));
+    let mut child = workshop.start_baking_endlessly("--force -o a.ringlight --checkpoint part.ringlight@0");
     wait_for(|| workshop.path("part.ringlight").exists());
     std::thread::sleep(std::time::Duration::from_millis(300));
     child.kill().unwrap();
@@ -64,8 +61,8 @@ fn a_killed_run_goes_on_from_its_checkpoint() {
 #[cfg(unix)]
 fn signalled(signal: &str, code: i32, flags: &str) {
     let workshop = Workshop::new();
-    let command = format!("{ENDLESS} {flags} -o a.ringlight --report a.json --checkpoint part.ringlight@0");
-    let mut child = workshop.start_baking(&command);
+    let command = format!("--force {flags} -o a.ringlight --report a.json --checkpoint part.ringlight@0");
+    let mut child = workshop.start_baking_endlessly(&command);
     wait_for(|| workshop.path("part.ringlight").exists());
     let sent = std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
@@ -97,7 +94,7 @@ fn an_interrupted_run_leaves_a_valid_solution() {
 #[test]
 fn a_checkpoint_may_be_the_output_and_the_solution_that_is_resumed() {
     let workshop = Workshop::new();
-    workshop.bake("-o a.ringlight --checkpoint a.ringlight@0 --max-shots 5").assert().code(0);
+    workshop.bake_endlessly("-o a.ringlight --checkpoint a.ringlight@0 --max-shots 5").assert().code(0);
     workshop.ringlight("resume a.ringlight --checkpoint a.ringlight -o b.ringlight --max-shots 9").assert().code(0);
     assert!(workshop.bytes("a.ringlight") == workshop.bytes("b.ringlight"));
 }
@@ -114,8 +111,8 @@ fn an_output_that_fails_does_not_take_the_others_with_it() {
             std::fs::remove_dir_all(gone).unwrap();
         })
     };
-    let command = format!("{ENDLESS} --time-limit 2 -o gone/a.ringlight -o b.ringlight");
-    workshop.bake(&command).assert().code(1).stderr(contains("gone/a.ringlight: cannot be written"));
+    let command = "--force --time-limit 2 -o gone/a.ringlight -o b.ringlight";
+    workshop.bake_endlessly(command).assert().code(1).stderr(contains("gone/a.ringlight: cannot be written"));
     remover.join().unwrap();
     assert_eq!(workshop.files(), ["b.ringlight", "box.mtl", "box.obj"]);
     workshop.ringlight("export b.ringlight -o c.ringlight").assert().code(0);

@@ -12,6 +12,9 @@ pub struct Workshop {
 /// Sizes at which the box is solved in a blink.
 pub const COARSE: [&str; 6] = ["--patch-size", "1", "--element-size", "0.25", "--cells", "4"];
 
+/// Sizes at which the box keeps the command busy, with `--until 0`, until it is stopped.
+pub const ENDLESS: [&str; 6] = ["--patch-size", "0.2", "--element-size", "0.1", "--cells", "4"];
+
 /// What reads a solution or a scene, and the endings of what it writes.
 pub const READERS: [(&str, &[&str]); 6] = [
     ("probe part.ringlight --points points.csv", &["csv"]),
@@ -110,6 +113,13 @@ impl Workshop {
         command
     }
 
+    /// The same with sizes at which it goes on for long.
+    pub fn bake_endlessly(&self, arguments: &str) -> Command {
+        let mut command = self.ringlight("bake box.obj --until 0");
+        command.args(ENDLESS).args(arguments.split_whitespace());
+        command
+    }
+
     /// A solution `part.ringlight` and a table `points.csv` to probe it at.
     pub fn prepare_readers(&self) {
         self.bake("-o part.ringlight --until 0.05").assert().code(0);
@@ -127,9 +137,9 @@ impl Workshop {
 
     /// A process of its own that bakes and can be killed.
     #[cfg(unix)]
-    pub fn start_baking(&self, arguments: &str) -> std::process::Child {
+    pub fn start_baking_endlessly(&self, arguments: &str) -> std::process::Child {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ringlight"));
-        command.current_dir(self.folder.path()).args(["bake", "box.obj"]).args(COARSE);
+        command.current_dir(self.folder.path()).args(["bake", "box.obj", "--until", "0"]).args(ENDLESS);
         command.args(arguments.split_whitespace()).stderr(std::process::Stdio::null()).spawn().unwrap()
     }
 }

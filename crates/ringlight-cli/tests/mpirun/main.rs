@@ -9,7 +9,7 @@ mod memory;
 
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
-use workshop::{COARSE, READERS, Workshop};
+use workshop::{COARSE, ENDLESS, READERS, Workshop};
 
 /// Longest run of the command, with room for slow machines.
 const LIMIT: Duration = Duration::from_secs(120);
@@ -57,6 +57,11 @@ fn words(output: &Output) -> String {
 
 fn bake(arguments: &str) -> String {
     format!("bake box.obj {} {arguments}", COARSE.join(" "))
+}
+
+/// The same with sizes at which it goes on for long.
+fn bake_endlessly(arguments: &str) -> String {
+    format!("bake box.obj --until 0 {} {arguments}", ENDLESS.join(" "))
 }
 
 #[test]
@@ -130,10 +135,10 @@ fn errors_are_said_once_and_decide_the_exit_code() {
 #[test]
 fn a_time_limit_stops_all_ranks_after_the_same_shot() {
     let workshop = Workshop::new();
-    let (code, words) = run(&workshop, 3, &bake("-o a.ringlight --until 0 --time-limit 1 --report a.json"));
+    let (code, words) = run(&workshop, 3, &bake_endlessly("-o a.ringlight --time-limit 1 --report a.json"));
     assert_eq!(code, Some(4), "{words}");
     let shots = workshop.json("a.json")["solve"]["shots"].as_u64().unwrap();
-    workshop.bake(&format!("-o b.ringlight --until 0 --max-shots {shots}")).assert().code(0);
+    workshop.bake_endlessly(&format!("-o b.ringlight --max-shots {shots}")).assert().code(0);
     assert!(workshop.bytes("a.ringlight") == workshop.bytes("b.ringlight"));
 }
 
@@ -167,7 +172,7 @@ fn send(signal: &str, process: u32) {
 /// Starts an endless run on three ranks, and waits until it has left a checkpoint.
 #[cfg(target_os = "linux")]
 fn start_endless(workshop: &Workshop) -> Child {
-    let child = start(workshop, 3, &bake("-o a.ringlight --until 0 --rings 1 --checkpoint part.ringlight@0"));
+    let child = start(workshop, 3, &bake_endlessly("-o a.ringlight --rings 1 --checkpoint part.ringlight@0"));
     let start = Instant::now();
     while !workshop.path("part.ringlight").exists() {
         assert!(start.elapsed() < LIMIT, "no checkpoint within {LIMIT:?}");
@@ -185,7 +190,7 @@ fn assert_goes_on_exactly(workshop: &Workshop, part: &str) {
     let resume = format!("resume {part} -o resumed.ringlight --until 0 --max-shots {shots}");
     let (code, words) = run(workshop, 2, &resume);
     assert_eq!(code, Some(0), "{words}");
-    workshop.bake(&format!("-o whole.ringlight --until 0 --max-shots {shots}")).assert().code(0);
+    workshop.bake_endlessly(&format!("-o whole.ringlight --max-shots {shots}")).assert().code(0);
     assert!(workshop.bytes("resumed.ringlight") == workshop.bytes("whole.ringlight"));
 }
 
