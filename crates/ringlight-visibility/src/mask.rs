@@ -53,26 +53,39 @@ impl Task for OverCells<'_> {
     }
 }
 
-/// The numbers of the points (in the lower halves) along a Morton curve through their box: neighbours share a packet.
+/// The numbers of the points (in the lower halves), so that neighbours share a packet: as they come, if they come so, or else
+/// along a Morton curve through their box.
 pub(crate) fn in_packets(points: Points) -> Vec<u64> {
     let mut numbers: Vec<u64> = (0..points.len() as u64).collect();
-    if numbers.len() > PACKET {
-        let mut scale = 0f32;
-        let low = [points.x, points.y, points.z].map(|axis| {
-            let low = axis.iter().copied().fold(f32::INFINITY, f32::min);
-            scale = scale.max(axis.iter().copied().fold(f32::NEG_INFINITY, f32::max) - low);
-            low
-        });
-        let scale = 1023.0 / scale;
-        for (i, number) in numbers.iter_mut().enumerate() {
-            // The cast saturates, and takes NaN to 0.
-            let [x, y, z] = std::array::from_fn(|a| spread(((points.at(i)[a] - low[a]) * scale) as u32));
-            *number |= u64::from(x | y << 1 | z << 2) << 32;
-        }
-        numbers.sort_unstable();
+    if numbers.len() <= PACKET {
+        return numbers;
     }
+    let mut extent = 0f32;
+    let low = [points.x, points.y, points.z].map(|axis| {
+        let low = axis.iter().copied().fold(f32::INFINITY, f32::min);
+        extent = extent.max(axis.iter().copied().fold(f32::NEG_INFINITY, f32::max) - low);
+        low
+    });
+    // Elements of a surface come row by row, and are better left so: a curve through space would mix surfaces.
+    let leaps = |axis: &[f32]| axis.windows(2).filter(|pair| (pair[1] - pair[0]).abs() > LEAP * extent).count();
+    if [points.x, points.y, points.z].map(leaps).iter().sum::<usize>() <= points.len() / FEW_LEAPS {
+        return numbers;
+    }
+    let scale = 1023.0 / extent;
+    for (i, number) in numbers.iter_mut().enumerate() {
+        // The cast saturates, and takes NaN to 0.
+        let [x, y, z] = std::array::from_fn(|a| spread(((points.at(i)[a] - low[a]) * scale) as u32));
+        *number |= u64::from(x | y << 1 | z << 2) << 32;
+    }
+    numbers.sort_unstable();
     numbers
 }
+
+/// Points farther apart than this share of all points' extent do not belong to one packet.
+const LEAP: f32 = 0.125;
+
+/// Points that come in order leap less than once in so many.
+const FEW_LEAPS: usize = 8;
 
 /// Ten bits, two apart.
 fn spread(t: u32) -> u32 {
