@@ -61,7 +61,7 @@ impl<const SIDE: usize> Task for OverGrid<'_, SIDE> {
         }
         let mut search = Search { hierarchy, plan, axes, blockers, tested: false };
         for numbers in in_packets(points).chunks(PACKET) {
-            let mut packet = pack(plan, points, numbers, masks);
+            let mut packet = pack(machine, plan, points, numbers, masks);
             search.tested = false;
             machine.call(Descent::<SIDE> { search: &mut search, packet: &mut packet });
             tally = tally.join(packet.unpack(plan, numbers, masks, search.tested));

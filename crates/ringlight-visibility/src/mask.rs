@@ -44,7 +44,7 @@ impl Task for OverCells<'_> {
         let mut tally = Tally::default();
         let mut search = Search { hierarchy, plan, last_blocker: None, tested: false };
         for numbers in in_packets(points).chunks(PACKET) {
-            let mut packet = pack(plan, points, numbers, masks);
+            let mut packet = pack(machine, plan, points, numbers, masks);
             search.tested = false;
             search.descend(machine, &mut packet);
             tally = tally.join(packet.unpack(plan, numbers, masks, search.tested));
@@ -97,7 +97,7 @@ fn spread(t: u32) -> u32 {
 
 /// The points with these numbers; lanes beyond the last one repeat it and have nothing left to see.
 #[inline(always)]
-pub(crate) fn pack(plan: &Plan, points: Points, numbers: &[u64], masks: &[u64]) -> Packet {
+pub(crate) fn pack<M: Machine>(machine: M, plan: &Plan, points: Points, numbers: &[u64], masks: &[u64]) -> Packet {
     let mut packet = Packet {
         x: [0.0; PACKET],
         y: [0.0; PACKET],
@@ -110,10 +110,10 @@ pub(crate) fn pack(plan: &Plan, points: Points, numbers: &[u64], masks: &[u64]) 
         let i = numbers[lane.min(numbers.len() - 1)] as u32 as usize;
         let x = points.at(i);
         [packet.x[lane], packet.y[lane], packet.z[lane]] = x;
-        packet.reach[lane] = plan.reach(x);
         packet.plane[lane] = points.plane[i];
         packet.set_mask(lane, if lane < numbers.len() { masks[i] & plan.all } else { 0 });
     }
+    packet.find_reach(machine, plan);
     packet
 }
 

@@ -51,6 +51,19 @@ impl Packet {
         Lanes::load(simd, &self.reach, chunk)
     }
 
+    /// Finds [`Plan::reach`] of all points, with the same roundings.
+    #[inline(always)]
+    pub fn find_reach<S: Machine>(&mut self, simd: S, plan: &Plan) {
+        for chunk in 0..PACKET / S::F32_LANES {
+            let reach = if plan.kind == Kind::Directions {
+                Lanes::splat(simd, plan.reach([0.0; 3]))
+            } else {
+                norm(from_point(plan.anchor, self.points(simd, chunk))) + plan.spread
+            };
+            reach.store(&mut self.reach, chunk);
+        }
+    }
+
     /// The masks of a register, over a grid.
     #[inline(always)]
     pub fn masks_of<S: Machine, const SIDE: usize>(&self, simd: S, chunk: usize) -> [S::u32s; 2] {

@@ -44,12 +44,8 @@ impl Shaft {
 
     /// From the box `points` to the cells `bits`; `reach` is the largest [`Plan::reach`] of any point.
     pub fn between(plan: &Plan, points: (Vector, Vector), reach: f32, bits: u64, scene: &Bounds) -> Shaft {
-        let (mut bits, mut reach) = (bits, reach);
-        let mut cells = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        while bits != 0 {
-            extend(&mut cells, plan.cells[bits.trailing_zeros() as usize]);
-            bits &= bits - 1;
-        }
+        let mut reach = reach;
+        let mut cells = around(plan, bits);
         if plan.kind == Kind::Directions {
             // No triangle is farther than this from any of the receivers.
             reach = (0..3).map(|i| (scene.high[i] - points.0[i]).max(points.1[i] - scene.low[i]).max(0.0)).sum();
@@ -163,6 +159,28 @@ impl Shaft {
         }
         bits
     }
+}
+
+/// The box around these cells; around a parallelogram that holds them, if they are of a plane grid.
+fn around(plan: &Plan, mut bits: u64) -> (Vector, Vector) {
+    let mut cells = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    if plan.kind == Kind::Grid && plan.side > 1 {
+        let side = plan.side;
+        let row = (1u64 << side) - 1;
+        let rows = [bits.trailing_zeros() as usize / side, (63 - bits.leading_zeros() as usize) / side];
+        let columns = (rows[0]..=rows[1]).fold(0, |all, j| all | bits >> (j * side) & row);
+        for j in rows {
+            for i in [columns.trailing_zeros() as usize, 63 - columns.leading_zeros() as usize] {
+                extend(&mut cells, plan.cells[j * side + i]);
+            }
+        }
+        return cells;
+    }
+    while bits != 0 {
+        extend(&mut cells, plan.cells[bits.trailing_zeros() as usize]);
+        bits &= bits - 1;
+    }
+    cells
 }
 
 pub(crate) fn extend(bounds: &mut (Vector, Vector), p: Vector) {
