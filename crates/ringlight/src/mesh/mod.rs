@@ -247,15 +247,9 @@ impl Mesh {
 
     /// Patch `id`.
     pub fn patch(&self, id: u32) -> Patch {
-        let code = self.patch_facets[id as usize];
-        let (number, back) = (code >> 1, code & 1 == 1);
+        let (number, back, index, elements) = self.place_of(id);
         let facet = &self.facets[number as usize];
-        let (first_patch, first_element) = if back {
-            (facet.first_back_patch, facet.first_back_element)
-        } else {
-            (facet.first_patch, facet.first_element)
-        };
-        let tile = facet.patch_tile(id - first_patch);
+        let tile = facet.patch_tile(index);
         let frame = facet.frame().tile(tile);
         let area_vector = frame.area_vector();
         let area = area_vector.length();
@@ -269,9 +263,29 @@ impl Mesh {
             normal: if back { -normal } else { normal },
             area,
             plane: facet.plane,
-            first_element: first_element + (id - first_patch) * facet.elements_per_patch(),
+            first_element: elements.start,
             grid: facet.elements.map(u32::from),
         }
+    }
+
+    /// Elements of patch `id`: those of [`Patch::elements`], without its geometry.
+    pub fn elements_of(&self, id: u32) -> Range<u32> {
+        self.place_of(id).3
+    }
+
+    /// The facet of patch `id`, whether it is on the facet's back, its number there, and its elements.
+    fn place_of(&self, id: u32) -> (u32, bool, u32, Range<u32>) {
+        let code = self.patch_facets[id as usize];
+        let (number, back) = (code >> 1, code & 1 == 1);
+        let facet = &self.facets[number as usize];
+        let (first_patch, first_element) = if back {
+            (facet.first_back_patch, facet.first_back_element)
+        } else {
+            (facet.first_patch, facet.first_element)
+        };
+        let (index, count) = (id - first_patch, facet.elements_per_patch());
+        let first = first_element + index * count;
+        (number, back, index, first..first + count)
     }
 
     /// Colour of element `element` of `patch`.

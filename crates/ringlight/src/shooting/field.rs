@@ -173,6 +173,7 @@ fn shot_of(patch: &Patch, frame: &Frame, weights: &[[f64; 3]], density: [f32; 64
             low,
             high,
             density,
+            cells: OnceLock::new(),
             parts: OnceLock::new(),
         })),
         power,

@@ -77,7 +77,7 @@ pub fn gather(shot: &Shot, receivers: &[Receiver], spreads: &[Spread], masks: &[
     match &shot.source {
         Source::Patch(source) => {
             let Cells::Grid(grid) = &shot.shooter.cells else { return };
-            let cells = CellTable::<64>::new(shot, source, grid, 1);
+            let cells = source.cells(shot, grid);
             pulp::Arch::new().dispatch(|| {
                 received.extend(lit.map(|(at, mask)| match at.role {
                     _ if mask == 0 => Received::default(),
@@ -86,8 +86,8 @@ pub fn gather(shot: &Shot, receivers: &[Receiver], spreads: &[Spread], masks: &[
                             source.parts.get_or_init(|| Box::new(CellTable::new(shot, source, grid, 16 / grid.side)));
                         from_patch::<256, false>(source, parts, at, None, mask)
                     }
-                    Role::Alone(k) => from_patch::<64, true>(source, &cells, at, Some(&spreads[k as usize]), mask),
-                    Role::Point => from_patch::<64, false>(source, &cells, at, None, mask),
+                    Role::Alone(k) => from_patch::<64, true>(source, cells, at, Some(&spreads[k as usize]), mask),
+                    Role::Point => from_patch::<64, false>(source, cells, at, None, mask),
                 }));
             });
         }
@@ -196,7 +196,19 @@ fn from_point(at: &Receiver, position: DVec3, cone: Option<(DVec3, f64, f64)>, r
     factor
 }
 
+impl PatchSource {
+    /// Its cells, those of `grid`.
+    pub(super) fn cells(&self, shot: &Shot, grid: &Grid) -> &CellTable<64> {
+        self.cells.get_or_init(|| Box::new(CellTable::new(shot, self, grid, 1)))
+    }
+}
+
 impl<const N: usize> CellTable<N> {
+    /// Where the entries in use are, metres.
+    pub(super) fn points(&self) -> impl Iterator<Item = DVec3> {
+        (0..self.count).map(|k| DVec3::from([self.x[k], self.y[k], self.z[k]].map(f64::from)))
+    }
+
     /// The cells of `grid`, each cut into `side`² parts.
     fn new(shot: &Shot, source: &PatchSource, grid: &Grid, side: u32) -> CellTable<N> {
         let cells = shot.light.len();
@@ -262,6 +274,7 @@ mod tests {
                 low: corners[0],
                 high: corners[2],
                 density: [1.0; 64],
+                cells: OnceLock::new(),
                 parts: OnceLock::new(),
             })),
             power: 3.0,

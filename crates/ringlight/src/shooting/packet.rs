@@ -111,9 +111,6 @@ impl Packet {
 impl Shot {
     /// The cells that lie above the horizon of a point with this normal, and face it.
     pub fn above_horizon(&self, point: DVec3, normal: DVec3) -> u64 {
-        let above = |cells: &mut dyn Iterator<Item = DVec3>| {
-            cells.enumerate().fold(0u64, |mask, (k, to)| mask | u64::from(normal.dot(to) > 0.0) << k)
-        };
         match (&self.source, &self.shooter.cells) {
             (Source::Patch(source), Cells::Grid(grid)) => {
                 if source.normal.dot(point - source.corners[0]) <= 0.0 {
@@ -122,11 +119,16 @@ impl Shot {
                 if source.corners[..source.count].iter().all(|&c| normal.dot(c - point) > 0.0) {
                     return self.shooter.cells.all();
                 }
-                above(&mut (0..grid.len()).map(|k| DVec3::from(grid.point(k).map(f64::from)) - point))
+                above(normal, source.cells(self, grid).points().map(|cell| cell - point))
             }
-            (_, Cells::Directions(d)) => above(&mut d.iter().map(|d| DVec3::from(d.map(f64::from)))),
-            (_, Cells::Points(p)) => above(&mut p.iter().map(|p| DVec3::from(p.map(f64::from)) - point)),
+            (_, Cells::Directions(d)) => above(normal, d.iter().map(|d| DVec3::from(d.map(f64::from)))),
+            (_, Cells::Points(p)) => above(normal, p.iter().map(|p| DVec3::from(p.map(f64::from)) - point)),
             (_, Cells::Grid(_)) => 0,
         }
     }
+}
+
+/// Which of these directions, in turn, lie above the horizon of a surface with this normal, as bits.
+fn above(normal: DVec3, directions: impl Iterator<Item = DVec3>) -> u64 {
+    directions.enumerate().fold(0, |mask, (k, to)| mask | u64::from(normal.dot(to) > 0.0) << k)
 }

@@ -190,13 +190,12 @@ fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, hard: bool, work: 
 fn renew_power(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, first: u32, last: u32) {
     let cluster = &mesh.clusters[cluster];
     for (index, id) in cluster.patches.clone().enumerate() {
-        let patch = mesh.patch(id);
-        let range = patch.elements();
+        let range = mesh.elements_of(id);
         let (start, end) = (range.start - cluster.elements.start, range.end - cluster.elements.start);
         if start <= last && end > first {
             let state = &mut light.patches[index];
             let elements = &light.elements[start as usize..end as usize];
-            state.unshot_power = unshot_power(mesh, &patch, elements, state.emission_waits);
+            state.unshot_power = unshot_power(mesh, &mesh.patch(id), elements, state.emission_waits);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! A shot: what travels from the shooter's owner to all receivers.
 
 use super::field::{Field, announced};
-use super::gather::Parts;
+use super::gather::{CellTable, Parts};
 use super::light::{ClusterLight, unshot_radiosity};
 use crate::mesh::{Frame, Mesh, Patch};
 use glam::DVec3;
@@ -77,7 +77,8 @@ pub struct PatchSource {
     pub high: DVec3,
     /// Area of each cell relative to their mean.
     pub density: [f32; 64],
-    /// What receivers near it see, when one of them has asked.
+    /// Its cells as receivers see them, when one has asked, and what those near it see.
+    pub(super) cells: OnceLock<Box<CellTable<64>>>,
     pub(super) parts: OnceLock<Box<Parts>>,
 }
 
