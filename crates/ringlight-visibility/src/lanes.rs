@@ -54,7 +54,9 @@ impl<S: Machine> Lanes<S> {
 
     #[inline(always)]
     pub fn abs(self) -> Self {
-        Lanes { simd: self.simd, value: self.simd.abs_f32s(self.value) }
+        // `pulp` calls a function for its own `abs`, and that one three more.
+        let bits = self.simd.splat_f32s(f32::from_bits(0x7fff_ffff));
+        Lanes { simd: self.simd, value: self.simd.and_f32s(self.value, bits) }
     }
 
     #[inline(always)]
