@@ -87,7 +87,8 @@ impl Prepared {
         // Sorted without branches, which would be mispredicted: the three comparisons name the permutation.
         let [a, b, c] = triangle.corners;
         let order = usize::from(before(a, b)) | usize::from(before(b, c)) << 1 | usize::from(before(a, c)) << 2;
-        let [a, b, c] = ORDERS[order].map(|i| triangle.corners[i as usize]);
+        let [i, j, k] = ORDERS[order];
+        let (a, b, c) = (triangle.corners[i as usize], triangle.corners[j as usize], triangle.corners[k as usize]);
         let edges = [sub(b, a), sub(c, b), sub(c, a)];
         let longest = greatest([norm(edges[0]), norm(edges[1]), norm(edges[2])]);
         Prepared { corners: [a, b, c], edges, normal: cross(edges[0], edges[2]), longest, rounding: ROUNDING * longest }

@@ -82,7 +82,10 @@ impl Facet {
             g,
             normal,
             moments,
-            slopes: moments.map(|m| [product(m, plan.edge_u), product(m, plan.edge_v)]),
+            slopes: [
+                [product(moments[0], plan.edge_u), product(moments[0], plan.edge_v)],
+                [product(moments[1], plan.edge_u), product(moments[1], plan.edge_v)],
+            ],
             rise: [product(normal, plan.edge_u), product(normal, plan.edge_v)],
             longest,
             strip: THEIRS * longest + 2.0 * bent,
