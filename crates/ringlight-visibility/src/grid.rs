@@ -6,6 +6,8 @@
 
 use std::cell::Cell;
 
+use arrayvec::ArrayVec;
+
 use crate::build::{SINGLE, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::mask::{Clear, Test, in_packets, pack};
@@ -103,8 +105,9 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
         let remembered = search.blockers.index;
         let mut remembered = remembered.iter();
         let (mut shaft, mut in_shaft) = (None, (0, 0));
-        let mut stack = [0u32; STACK];
-        let (mut height, mut above) = (1, 0);
+        let mut stack = ArrayVec::<u32, STACK>::new();
+        stack.push(0);
+        let mut above = 0;
         let mut node = &hierarchy.nodes[0];
         // Children of the node, and facets of one of them, that are to be looked at.
         let (mut children, mut waiting) = (0u32, 0u32);
@@ -132,8 +135,7 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
                     }
                     match node.child[i].target() {
                         Target::Node(number) => {
-                            stack[height] = number as u32;
-                            height += 1;
+                            stack.push(number as u32);
                         }
                         Target::Triangles(range) => {
                             let first = range.start as u32;
@@ -149,7 +151,7 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
                     }
                 }
                 // The largest child was found first and is to be visited first.
-                stack[above..height].reverse();
+                stack[above..].reverse();
                 unfinished = packet.unfinished(machine);
                 if unfinished == 0 {
                     return;
@@ -162,14 +164,11 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
                 }
                 let Some(shaft) = &shaft else { return };
                 while children == 0 {
-                    if height == 0 {
-                        return;
-                    }
-                    height -= 1;
-                    node = &hierarchy.nodes[stack[height] as usize];
+                    let Some(number) = stack.pop() else { return };
+                    node = &hierarchy.nodes[number as usize];
                     children = shaft.children(machine, node);
                 }
-                above = height;
+                above = stack.len();
                 turned(machine, plan, axes, &node.low, &node.high, &mut boxes);
                 continue 'search;
             };

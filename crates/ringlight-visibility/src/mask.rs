@@ -1,5 +1,7 @@
 //! Masks of many points against one shooter: packets of neighbours descend the hierarchy together.
 
+use arrayvec::ArrayVec;
+
 use crate::build::{SINGLE, STACK, Target, WIDTH};
 use crate::grid::OverGrid;
 use crate::instruction_set::{Machine, Task};
@@ -138,9 +140,9 @@ impl Search<'_> {
         }
         let mut in_shaft = (0, 0);
         let mut shaft = None;
-        let mut stack = [0u32; STACK];
-        let mut height = 1;
-        while height > 0 {
+        let mut stack = ArrayVec::<u32, STACK>::new();
+        stack.push(0);
+        while !stack.is_empty() {
             unfinished = packet.unfinished(machine);
             if unfinished == 0 {
                 return;
@@ -152,17 +154,16 @@ impl Search<'_> {
                 in_shaft = size;
             }
             let Some(shaft) = &shaft else { return };
-            height -= 1;
-            let node = &hierarchy.nodes[stack[height] as usize];
-            let above = height;
+            let Some(number) = stack.pop() else { return };
+            let node = &hierarchy.nodes[number as usize];
+            let above = stack.len();
             let mut children = shaft.children(machine, node);
             while children != 0 {
                 let i = children.trailing_zeros() as usize % WIDTH;
                 children &= children - 1;
                 match node.child[i].target() {
                     Target::Node(number) => {
-                        stack[height] = number as u32;
-                        height += 1;
+                        stack.push(number as u32);
                     }
                     Target::Triangles(range) => {
                         let (mut index, end) = (range.start, range.end);
@@ -174,7 +175,7 @@ impl Search<'_> {
                 }
             }
             // The largest child was found first and is to be visited first.
-            stack[above..height].reverse();
+            stack[above..].reverse();
         }
     }
 

@@ -1,5 +1,7 @@
 //! The nearest hit of one ray: lanes are the children of a node.
 
+use arrayvec::ArrayVec;
+
 use crate::build::{Child, Node, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::lanes::{Lanes, splat};
@@ -24,11 +26,9 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
             return None;
         }
         let inverse = inverse(ray);
-        let mut stack = [(0.0f32, Child::ROOT); STACK];
-        let mut height = 1;
-        while height > 0 {
-            height -= 1;
-            let (enter, child) = stack[height];
+        let mut stack = ArrayVec::<(f32, Child), STACK>::new();
+        stack.push((0.0, Child::ROOT));
+        while let Some((enter, child)) = stack.pop() {
             if best.is_some_and(|b| enter > b.distance) {
                 continue;
             }
@@ -50,18 +50,17 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
                     let node = &hierarchy.nodes[number];
                     let far = best.map_or(ray.far, |b| b.distance);
                     let (mut hits, enters) = passed(machine, node, ray.origin, inverse, far);
-                    let above = height;
+                    let above = stack.len();
                     while hits != 0 {
                         let i = hits.trailing_zeros() as usize;
                         hits &= hits - 1;
                         // Insertion keeps the nearest on top.
-                        let mut place = height;
+                        stack.push((enters[i], node.child[i]));
+                        let mut place = stack.len() - 1;
                         while place > above && stack[place - 1].0 < enters[i] {
-                            stack[place] = stack[place - 1];
+                            stack.swap(place - 1, place);
                             place -= 1;
                         }
-                        stack[place] = (enters[i], node.child[i]);
-                        height += 1;
                     }
                 }
             }
