@@ -74,9 +74,10 @@ impl Bounds {
 
     #[inline(always)]
     fn join(&mut self, other: &Bounds) {
+        // Not `f32::min` and `max`, which look for NaN.
         for i in 0..3 {
-            self.low[i] = self.low[i].min(other.low[i]);
-            self.high[i] = self.high[i].max(other.high[i]);
+            self.low[i] = if other.low[i] < self.low[i] { other.low[i] } else { self.low[i] };
+            self.high[i] = if other.high[i] > self.high[i] { other.high[i] } else { self.high[i] };
         }
     }
 
@@ -137,16 +138,38 @@ impl Tree {
 struct Part<'a> {
     items: &'a mut [Item],
     first: usize,
-    bounds: Bounds,
+    extent: Extent,
     depth: usize,
     whole: bool,
 }
 
 impl<'a> Part<'a> {
-    fn new(items: &'a mut [Item], first: usize, depth: usize) -> Part<'a> {
-        let mut bounds = Bounds::EMPTY;
-        items.iter().for_each(|item| bounds.join(&item.bounds));
-        Part { whole: items.len() <= 1, items, first, bounds, depth }
+    fn new(items: &'a mut [Item], extent: Extent, first: usize, depth: usize) -> Part<'a> {
+        Part { whole: items.len() <= 1, items, first, extent, depth }
+    }
+}
+
+/// The box of items, and that of their centres (twice).
+#[derive(Clone, Copy)]
+struct Extent {
+    bounds: Bounds,
+    centres: Bounds,
+}
+
+impl Extent {
+    const EMPTY: Extent = Extent { bounds: Bounds::EMPTY, centres: Bounds::EMPTY };
+
+    fn of(items: &[Item]) -> Extent {
+        let mut extent = Extent::EMPTY;
+        items.iter().for_each(|item| extent.add(item));
+        extent
+    }
+
+    #[inline(always)]
+    fn add(&mut self, item: &Item) {
+        let centre = [item.centre(0), item.centre(1), item.centre(2)];
+        self.bounds.join(&item.bounds);
+        self.centres.join(&Bounds { low: centre, high: centre });
     }
 }
 
@@ -158,8 +181,9 @@ pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds, Vec<u8>) 
     if items.is_empty() {
         return (Vec::new(), Bounds::EMPTY, Vec::new());
     }
-    let root = Part::new(&mut items, 0, 0);
-    let bounds = root.bounds;
+    let extent = Extent::of(&items);
+    let bounds = extent.bounds;
+    let root = Part::new(&mut items, extent, 0, 0);
     let tree = match grow(root) {
         leaf @ Tree::Leaf(..) => Tree::Inner(bounds, vec![leaf]),
         inner => inner,
@@ -221,10 +245,10 @@ fn around(t: &Triangle) -> Bounds {
 
 /// Splits the costliest part until there are WIDTH of them, then grows each, in parallel.
 fn grow(part: Part) -> Tree {
-    let bounds = part.bounds;
+    let bounds = part.extent.bounds;
     let mut parts = vec![part];
     while parts.len() < WIDTH {
-        let cost = |p: &Part| if p.whole { -1.0 } else { p.bounds.half_area() * p.items.len() as f32 };
+        let cost = |p: &Part| if p.whole { -1.0 } else { p.extent.bounds.half_area() * p.items.len() as f32 };
         let Some(costliest) = (0..parts.len()).reduce(|a, b| if cost(&parts[b]) > cost(&parts[a]) { b } else { a })
         else {
             break;
@@ -242,7 +266,9 @@ fn grow(part: Part) -> Tree {
         let part = &parts[0];
         return Tree::Leaf(bounds, part.first, part.items.len());
     }
-    parts.sort_by(|a, b| b.bounds.half_area().total_cmp(&a.bounds.half_area()).then(a.first.cmp(&b.first)));
+    parts.sort_by(|a, b| {
+        b.extent.bounds.half_area().total_cmp(&a.extent.bounds.half_area()).then(a.first.cmp(&b.first))
+    });
     Tree::Inner(bounds, grow_all(parts))
 }
 
@@ -261,7 +287,7 @@ fn grow_one(part: Part) -> Tree {
     if part.whole
         || part.items.len() <= LARGE_LEAF && part.items.iter().map(Item::triangles).sum::<usize>() <= LARGE_LEAF
     {
-        Tree::Leaf(part.bounds, part.first, part.items.len())
+        Tree::Leaf(part.extent.bounds, part.first, part.items.len())
     } else {
         grow(part)
     }
@@ -270,15 +296,13 @@ fn grow_one(part: Part) -> Tree {
 /// The cheapest of the splits between bins of centres; `Err` gives the part back as a leaf where none is cheaper.
 fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
     let count = part.items.len();
-    let mut centres = Bounds::EMPTY;
-    for item in part.items.iter() {
-        let centre = std::array::from_fn(|i| item.centre(i));
-        centres.join(&Bounds { low: centre, high: centre });
-    }
-    let scale: Vector = std::array::from_fn(|i| BINS as f32 / (centres.high[i] - centres.low[i]));
+    let centres = part.extent.centres;
+    // More bins than twice the items would mostly be empty.
+    let used = BINS.min(2 * count);
+    let scale: Vector = std::array::from_fn(|i| used as f32 / (centres.high[i] - centres.low[i]));
     let bin = |item: &Item, axis: usize| {
         // The cast saturates, and takes NaN (an axis without extent) to 0.
-        (((item.centre(axis) - centres.low[axis]) * scale[axis]) as usize).min(BINS - 1)
+        (((item.centre(axis) - centres.low[axis]) * scale[axis]) as usize).min(used - 1)
     };
     let mut bins = [[(Bounds::EMPTY, 0usize); BINS]; 3];
     for item in part.items.iter() {
@@ -292,13 +316,13 @@ fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
     for (axis, bins) in bins.iter().enumerate().filter(|&(axis, _)| centres.high[axis] > centres.low[axis]) {
         let mut above = [f32::INFINITY; BINS];
         let (mut bounds, mut inside) = (Bounds::EMPTY, 0);
-        for i in (1..BINS).rev() {
+        for i in (1..used).rev() {
             bounds.join(&bins[i].0);
             inside += bins[i].1;
             above[i] = if inside == 0 { f32::INFINITY } else { bounds.half_area() * inside as f32 };
         }
         (bounds, inside) = (Bounds::EMPTY, 0);
-        for i in 1..BINS {
+        for i in 1..used {
             bounds.join(&bins[i - 1].0);
             inside += bins[i - 1].1;
             let cost = bounds.half_area() * inside as f32 + above[i];
@@ -308,35 +332,44 @@ fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
         }
     }
     let (cost, axis, border) = best;
-    let keep = part.bounds.half_area() * count as f32;
+    let keep = part.extent.bounds.half_area() * count as f32;
     // A child costs a share of a node's test, about a quarter of a triangle's.
-    if count <= LEAF && (!cost.is_finite() || cost + 0.5 * part.bounds.half_area() >= keep) {
+    if count <= LEAF && (!cost.is_finite() || cost + 0.5 * part.extent.bounds.half_area() >= keep) {
         part.whole = true;
         return Err(part);
     }
-    let middle = if cost.is_finite() && part.depth < MAX_SAH_DEPTH {
+    let (middle, extents) = if cost.is_finite() && part.depth < MAX_SAH_DEPTH {
         partition(part.items, |item| bin(item, axis) < border)
     } else {
         // By centre, so that halves stay apart as far as they can.
         let axis = (0..3)
             .fold(0, |a, b| if centres.high[b] - centres.low[b] > centres.high[a] - centres.low[a] { b } else { a });
         part.items.sort_unstable_by(|a, b| a.centre(axis).total_cmp(&b.centre(axis)).then(a.index.cmp(&b.index)));
-        count / 2
+        let (left, right) = part.items.split_at(count / 2);
+        (count / 2, [Extent::of(left), Extent::of(right)])
     };
     let (left, right) = part.items.split_at_mut(middle);
-    Ok((Part::new(left, part.first, part.depth + 1), Part::new(right, part.first + middle, part.depth + 1)))
+    Ok((
+        Part::new(left, extents[0], part.first, part.depth + 1),
+        Part::new(right, extents[1], part.first + middle, part.depth + 1),
+    ))
 }
 
-/// Moves those with `first` to the front; returns how many.
-fn partition(items: &mut [Item], first: impl Fn(&Item) -> bool) -> usize {
+/// Moves those with `first` to the front; returns how many, and the extents of both.
+fn partition(items: &mut [Item], first: impl Fn(&Item) -> bool) -> (usize, [Extent; 2]) {
     let mut front = 0;
+    let mut extents = [Extent::EMPTY; 2];
     for i in 0..items.len() {
-        if first(&items[i]) {
+        let item = items[i];
+        if first(&item) {
+            extents[0].add(&item);
             items.swap(i, front);
             front += 1;
+        } else {
+            extents[1].add(&item);
         }
     }
-    front
+    (front, extents)
 }
 
 /// Appends the nodes of an inner tree, depth first.
