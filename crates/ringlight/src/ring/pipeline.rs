@@ -191,7 +191,12 @@ impl Pipeline {
 
     fn finish(&mut self, shot: u64, ticket: u32, answers: Answers) {
         self.in_flight -= 1;
-        let answers = match self.seeing.remove(&(shot, ticket)) {
+        // Rays may have the ticket of samples.
+        let seeing = match answers {
+            Answers::Masks(_) => self.seeing.remove(&(shot, ticket)),
+            Answers::Hits(_) => None,
+        };
+        let answers = match seeing {
             Some(seeing) => seeing.answers(answers),
             None => answers,
         };
