@@ -5,8 +5,8 @@
 //! that is still seen lies in any receiver's shadow, nothing in the box needs a look.
 //!
 //! Accepted segments pass within [`SHAFT_MARGIN`] of the reach of a triangle's box, so the shadows of boxes grown by
-//! that hold them all. Where a box is hardly in front of the receiver its shadow has no bounds; there the planes through
-//! the receiver and the outermost cells decide.
+//! that hold them all. What of a box is behind the receiver hides nothing: the box is cut there, and its shadow goes on for
+//! ever on the sides where the box does.
 
 #![allow(clippy::needless_range_loop, reason = "what iterators do to lanes is not inlined, and loses the vectors")]
 

@@ -25,8 +25,8 @@ pub struct Counts {
     pub painted: u64,
 }
 
-/// Bytes of the hierarchy for each triangle: itself and its part of the nodes. Of the latter the office has 20; the test holds
-/// the whole hierarchy near it.
+/// Bytes of the hierarchy for each triangle: itself and its part of the nodes. Of the latter office floors have 32 to 44, so
+/// that it holds up to a quarter more than this; the test holds the whole hierarchy near it.
 const HELD: u64 = size_of::<Triangle>() as u64 + 24;
 
 /// Bytes for each triangle while the hierarchy is built, besides those that stay: their boxes (28), and about 24 of the tree
