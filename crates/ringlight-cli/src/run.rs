@@ -234,7 +234,10 @@ impl<'a, 'b> Run<'a, 'b> {
             let checkpoint = run.arguments.checkpoint.as_ref().map(Checkpoint::new);
             let Run { ranks, reporter, signals, start, .. } = run;
             let mut watch = Watch { reporter, signals, start: *start, stop, description, world, checkpoint };
-            let (reason, progress) = solve::plain(world, ring, &mut state, &rule, ranks, &mut watch)?;
+            let (reason, progress) = match std::env::var("RL_GROUP") {
+                Ok(error) => solve::group(world, ring, &mut state, error.parse().unwrap_or(0.01), ranks, &mut watch)?,
+                Err(_) => solve::plain(world, ring, &mut state, &rule, ranks, &mut watch)?,
+            };
             watch.reporter.shot(&progress, stop, true);
             Ok::<_, Failure>((reason, progress, watch.checkpoint.and_then(|checkpoint| checkpoint.failed)))
         })?;

@@ -142,7 +142,7 @@ pub(super) fn announced(patch: &Patch, light: &[CellLight], power: f64) -> Shot 
 }
 
 /// The shot of the part of a patch that `frame` spans; `weights` is the light of its cells.
-fn shot_of(patch: &Patch, frame: &Frame, weights: &[[f64; 3]], density: [f32; 64], power: f64) -> Shot {
+pub(super) fn shot_of(patch: &Patch, frame: &Frame, weights: &[[f64; 3]], density: [f32; 64], power: f64) -> Shot {
     let (corners, count) = frame.corners();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let mut diameter = 0.0f64;
@@ -150,15 +150,7 @@ fn shot_of(patch: &Patch, frame: &Frame, weights: &[[f64; 3]], density: [f32; 64
         (low, high) = (low.min(a), high.max(a));
         diameter = corners[..count].iter().map(|&b| (a - b).length()).fold(diameter, f64::max);
     }
-    let single = |p: DVec3| p.as_vec3().to_array();
-    let grid = Grid {
-        origin: single(frame.origin),
-        edge_u: single(frame.edge_u),
-        edge_v: single(frame.edge_v),
-        twist: single(frame.twist),
-        layout: frame.layout,
-        side: weights.len().isqrt() as u32,
-    };
+    let grid = grid_of(frame, weights.len().isqrt() as u32);
     Shot {
         shooter: Shooter { cells: Cells::Grid(grid), plane: patch.plane, far: FAR },
         light: weights.iter().map(|w| w.map(|x| x as f32)).collect(),
@@ -180,11 +172,24 @@ fn shot_of(patch: &Patch, frame: &Frame, weights: &[[f64; 3]], density: [f32; 64
     }
 }
 
+/// `side`² cells on a piece of surface.
+pub(super) fn grid_of(frame: &Frame, side: u32) -> Grid {
+    let single = |p: DVec3| p.as_vec3().to_array();
+    Grid {
+        origin: single(frame.origin),
+        edge_u: single(frame.edge_u),
+        edge_v: single(frame.edge_v),
+        twist: single(frame.twist),
+        layout: frame.layout,
+        side,
+    }
+}
+
 /// The whole patch as a part of itself.
 pub const WHOLE: Tile = Tile { origin: DVec2::ZERO, size: DVec2::ONE };
 
 /// Area of each cell relative to their mean.
-fn densities(frame: &Frame, side: u32) -> [f32; 64] {
+pub(super) fn densities(frame: &Frame, side: u32) -> [f32; 64] {
     let mut density = [0.0f32; 64];
     for (k, d) in density.iter_mut().enumerate().take((side * side) as usize) {
         let [u, v] = frame.layout.centre(side, k).map(f64::from);

@@ -91,6 +91,10 @@ pub fn gather(shot: &Shot, receivers: &[Receiver], spreads: &[Spread], masks: &[
                 }));
             });
         }
+        Source::Group(normals) => {
+            let Cells::Points(points) = &shot.shooter.cells else { return };
+            received.extend(lit.map(|(at, mask)| Received::even(from_group(shot, normals, points, at, mask))));
+        }
         Source::Point { position, cone, range } => {
             received.extend(lit.map(|(at, mask)| {
                 let factor = if mask == 0 { 0.0 } else { from_point(at, *position, *cone, *range) };
@@ -176,6 +180,21 @@ fn from_patch<const N: usize, const SPREAD: bool>(
     // Where the point is almost in the shooter's plane, both sums are small, and their quotient says nothing.
     let mean_to_point = (1.0 + sum(&curved) / (24.0 * visible)).clamp(0.0, 2.0);
     Received { point, mean: point.map(|x| x * mean_to_point) }
+}
+
+/// Irradiance from the visible cells of a group: Σ cosθᵣ cosθₛ/r² of their intensities.
+fn from_group(shot: &Shot, normals: &[Vec3], points: &[[f32; 3]], at: &Receiver, mut mask: u64) -> [f64; 3] {
+    let (x, n) = (at.point.as_vec3(), at.normal.as_vec3());
+    let mut sum = [0.0; 3];
+    while mask != 0 {
+        let k = mask.trailing_zeros() as usize;
+        mask &= mask - 1;
+        let to = Vec3::from(points[k]) - x;
+        let r2 = to.length_squared();
+        let factor = f64::from(n.dot(to) * -normals[k].dot(to) / (r2 * r2));
+        (0..3).for_each(|c| sum[c] += factor * f64::from(shot.light[k][c]));
+    }
+    sum
 }
 
 /// Irradiance per intensity from a point or spot light (KHR_lights_punctual for cone and range).

@@ -4,7 +4,7 @@
 
 use super::gather::{Received, Receiver, Role, Spread, gather};
 use super::shot::{Shot, Source};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use ringlight_visibility::{Cells, Hierarchy, Points, PreparedShooter, Tally};
 use std::ops::Range;
 
@@ -120,6 +120,13 @@ impl Shot {
                     return self.shooter.cells.all();
                 }
                 above(normal, source.cells(self, grid).points().map(|cell| cell - point))
+            }
+            (Source::Group(normals), Cells::Points(points)) => {
+                let (x, n) = (point.as_vec3(), normal.as_vec3());
+                normals.iter().zip(points).enumerate().fold(0, |mask, (k, (normal, cell))| {
+                    let to = Vec3::from(*cell) - x;
+                    mask | u64::from(n.dot(to) > 0.0 && normal.dot(to) < 0.0) << k
+                })
             }
             (_, Cells::Directions(d)) => above(normal, d.iter().map(|d| DVec3::from(d.map(f64::from)))),
             (_, Cells::Points(p)) => above(normal, p.iter().map(|p| DVec3::from(p.map(f64::from)) - point)),

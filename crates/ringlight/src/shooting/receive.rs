@@ -78,33 +78,9 @@ pub fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
         if !may_face(&patch, shot) {
             continue;
         }
-        let alone = work.packet.push_spread(spread(&patch));
-        for k in 0..patch.element_count() {
-            let element = patch.first_element + k;
-            let valid = mesh.valid[element as usize];
-            let Some(point) = patch.sample_point(k, valid) else { continue };
-            let index = element - cluster.elements.start;
-            let near = hard || is_near(&patch, point, shot);
-            let mask = shot.above_horizon(point, patch.normal);
-            if mask == 0 && !near {
-                continue;
-            }
-            let head = work.samples.len();
-            let role = match (near, valid) {
-                (true, _) => Role::Near,
-                (false, ALL_VALID) => alone,
-                (false, _) => Role::Point,
-            };
-            work.push(&patch, role, point, index, mask);
-            if near {
-                let tile = patch.element_tile(k);
-                for s in (0..16).filter(|s| valid >> s & 1 == 1) {
-                    let point = patch.area_sample(&tile, s);
-                    work.push(&patch, Role::Near, point, index, shot.above_horizon(point, patch.normal));
-                }
-                work.samples[head].followers = valid.count_ones() as u8;
-            }
-        }
+        let first = patch.first_element - cluster.elements.start;
+        let elements = (0..patch.element_count()).map(|k| (k, first + k));
+        work.collect(mesh, &patch, elements, shot, if hard { f64::INFINITY } else { NEAR });
     }
 }
 
@@ -122,7 +98,7 @@ fn spread(patch: &Patch) -> Spread {
 }
 
 /// False only if no point of the patch can receive light from the shooter.
-fn may_face(patch: &Patch, shot: &Shot) -> bool {
+pub(super) fn may_face(patch: &Patch, shot: &Shot) -> bool {
     let (corners, count) = patch.frame.corners();
     let corners = &corners[..count];
     match &shot.source {
@@ -142,6 +118,7 @@ fn may_face(patch: &Patch, shot: &Shot) -> bool {
             }
             _ => false,
         },
+        Source::Group(_) => true,
     }
 }
 
@@ -150,36 +127,23 @@ fn is_hard(shot: &Shot) -> bool {
     shot.light.len() == 1 && !matches!(shot.source, Source::Patch(_))
 }
 
-fn is_near(patch: &Patch, point: DVec3, shot: &Shot) -> bool {
-    let Source::Patch(source) = &shot.source else { return false };
-    let reach = NEAR * (patch.area / f64::from(patch.element_count())).sqrt();
+fn is_near(patch: &Patch, point: DVec3, shot: &Shot, widths: f64) -> bool {
+    let Source::Patch(source) = &shot.source else { return widths == f64::INFINITY };
+    let reach = widths * (patch.area / f64::from(patch.element_count())).sqrt();
     let away = (source.low - point).max(point - source.high).max(DVec3::ZERO);
     away.length_squared() < reach * reach
 }
 
 /// Adds what was received to the elements, and renews the unshot power of their patches.
 fn add(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, hard: bool, work: &Work) {
-    let mut i = 0;
     let mut lit: Option<(u32, u32)> = None;
-    while i < work.samples.len() {
-        let sample = &work.samples[i];
-        let followers = usize::from(sample.followers);
-        let Received { point, mean } = work.packet.received()[i];
-        let mean: [f64; 3] = if followers == 0 {
-            mean
-        } else {
-            let sum = work.packet.received()[i + 1..=i + followers]
-                .iter()
-                .fold([0.0; 3], |a, b| [a[0] + b.point[0], a[1] + b.point[1], a[2] + b.point[2]]);
-            sum.map(|x| x / followers as f64)
-        };
+    for (name, mean, point) in work.received() {
         let (area, point) = if hard { (mean, mean) } else { (mean, point) };
         if area != [0.0; 3] || point != [0.0; 3] {
-            let element: &mut ElementLight = &mut light.elements[sample.element as usize];
+            let element: &mut ElementLight = &mut light.elements[name as usize];
             element.add(area, point);
-            lit = Some(lit.map_or((sample.element, sample.element), |(first, _)| (first, sample.element)));
+            lit = Some(lit.map_or((name, name), |(first, _)| (first, name)));
         }
-        i += 1 + followers;
     }
     if let Some((first, last)) = lit {
         renew_power(mesh, cluster, light, first, last);
@@ -201,6 +165,64 @@ fn renew_power(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, first: u32
 }
 
 impl Work {
+    /// Adds the sample points of some elements of `patch` that face the shooter: their numbers within it, and what they are to
+    /// be called. Those nearer to the shooter than `near` of their widths also take area samples.
+    pub(super) fn collect(
+        &mut self,
+        mesh: &Mesh,
+        patch: &Patch,
+        elements: impl Iterator<Item = (u32, u32)>,
+        shot: &Shot,
+        near: f64,
+    ) {
+        let alone = self.packet.push_spread(spread(patch));
+        for (k, name) in elements {
+            let valid = mesh.valid[(patch.first_element + k) as usize];
+            let Some(point) = patch.sample_point(k, valid) else { continue };
+            let near = is_near(patch, point, shot, near);
+            let mask = shot.above_horizon(point, patch.normal);
+            if mask == 0 && !near {
+                continue;
+            }
+            let head = self.samples.len();
+            let role = match (near, valid) {
+                (true, _) => Role::Near,
+                (false, ALL_VALID) => alone,
+                (false, _) => Role::Point,
+            };
+            self.push(patch, role, point, name, mask);
+            if near {
+                let tile = patch.element_tile(k);
+                for s in (0..16).filter(|s| valid >> s & 1 == 1) {
+                    let point = patch.area_sample(&tile, s);
+                    self.push(patch, Role::Near, point, name, shot.above_horizon(point, patch.normal));
+                }
+                self.samples[head].followers = valid.count_ones() as u8;
+            }
+        }
+    }
+
+    /// What has been received by each element of which points were collected: its name, its area average and the value at its
+    /// sample point.
+    pub fn received(&self) -> impl Iterator<Item = (u32, [f64; 3], [f64; 3])> {
+        let mut i = 0;
+        std::iter::from_fn(move || {
+            let sample = self.samples.get(i)?;
+            let followers = usize::from(sample.followers);
+            let Received { point, mean } = self.packet.received()[i];
+            let mean: [f64; 3] = if followers == 0 {
+                mean
+            } else {
+                let sum = self.packet.received()[i + 1..=i + followers]
+                    .iter()
+                    .fold([0.0; 3], |a, b| [a[0] + b.point[0], a[1] + b.point[1], a[2] + b.point[2]]);
+                sum.map(|x| x / followers as f64)
+            };
+            i += 1 + followers;
+            Some((sample.element, mean, point))
+        })
+    }
+
     /// The points collected, with masks.
     pub fn packet(&self) -> &Packet {
         &self.packet
@@ -211,7 +233,7 @@ impl Work {
         &mut self.packet
     }
 
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.packet.clear();
         self.samples.clear();
     }

@@ -4,7 +4,7 @@ use super::field::{Field, announced};
 use super::gather::{CellTable, Parts};
 use super::light::{ClusterLight, unshot_radiosity};
 use crate::mesh::{Frame, Mesh, Patch};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use ringlight_visibility::Shooter;
 use serde::{Deserialize, Serialize};
 use std::sync::OnceLock;
@@ -49,10 +49,15 @@ pub enum Source {
         /// Where it ends, metres; infinite if nowhere.
         range: f64,
     },
+    /// Some places of several surfaces; the light of a cell is its power over π in each direction that it faces, W/sr or cd.
+    Group(Vec<CellNormal>),
     /// Parallel light or a part of the sky: cells are directions towards the light; the light of a cell is the
     /// irradiance it gives to a surface that faces it, W/m² or lux.
     Directions,
 }
+
+/// Unit normal of a cell.
+pub type CellNormal = Vec3;
 
 /// Geometry of a shooting patch.
 #[derive(Clone, Debug)]

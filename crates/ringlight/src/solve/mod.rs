@@ -4,6 +4,7 @@ mod asking;
 mod choice;
 mod energy;
 mod exchange;
+mod group;
 mod holding;
 mod ledger;
 mod plain;
@@ -14,6 +15,7 @@ mod state;
 mod walking;
 
 pub use energy::Energy;
+pub use group::group;
 pub use holding::OUTLINE;
 pub use ledger::Ledger;
 pub use plain::plain;
