@@ -7,7 +7,9 @@ use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene};
 use ringlight::shooting::{ElementLight, Shoot};
 use ringlight::solution::{Description, Solution, SolvedLight};
-use ringlight::solve::{self, Energy, Ledger, Progress, Ring, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solve::{
+    self, Energy, Ledger, Progress, Ring, SolveSettings, Solver, State, StopReason, StopRule, World,
+};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::fmt::Write;
@@ -140,7 +142,13 @@ pub fn meshed(scene: Scene, patch: f64, element: f64) -> Meshed {
 impl Meshed {
     /// What is solved, with this many cells of a shooter.
     pub fn world(&self, cells: u32) -> Whole<'_> {
-        self.world_of(SolveSettings { cells, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 })
+        self.world_of(SolveSettings {
+            solver: Solver::Plain,
+            cells,
+            shoot: Shoot::Elements,
+            sky: None,
+            shooters_in_flight: 1,
+        })
     }
 
     /// What is solved, with these settings.

@@ -1,6 +1,6 @@
 //! `bake`: scene → solution → outputs.
 
-use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice};
+use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice, SolverChoice};
 use crate::failure::{End, Failure};
 use crate::host::Host;
 use crate::input;
@@ -14,7 +14,7 @@ use ringlight::quantity::Rgb;
 use ringlight::scene::{Place, Warnings};
 use ringlight::shooting::Shoot;
 use ringlight::solution::Description;
-use ringlight::solve::{SolveSettings, State, World};
+use ringlight::solve::{SolveSettings, Solver, State, World};
 use ringlight::transport::Communicator;
 
 /// Bakes.
@@ -79,6 +79,10 @@ pub fn settings(method: &MethodArguments, quality: QualityChoice) -> SolveSettin
         ShootChoice::Average => Shoot::Average,
     };
     SolveSettings {
+        solver: match method.solver {
+            SolverChoice::Plain => Solver::Plain,
+            SolverChoice::Group => Solver::Group(method.error),
+        },
         cells: method.cells.unwrap_or(input::default_cells(quality)),
         shoot,
         sky: method.sky,

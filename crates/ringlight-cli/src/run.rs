@@ -18,7 +18,9 @@ use ringlight::resources::Bytes;
 use ringlight::ring::{Demand, Rings};
 use ringlight::scene::{Place, Warnings};
 use ringlight::solution::{Description, OwnLight};
-use ringlight::solve::{self, Energy, Progress, Ring, Share, SolveSettings, State, StopReason, StopRule, World};
+use ringlight::solve::{
+    self, Energy, Progress, Ring, Share, SolveSettings, Solver, State, StopReason, StopRule, World,
+};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use serde::{Serialize, de::DeserializeOwned};
@@ -234,10 +236,7 @@ impl<'a, 'b> Run<'a, 'b> {
             let checkpoint = run.arguments.checkpoint.as_ref().map(Checkpoint::new);
             let Run { ranks, reporter, signals, start, .. } = run;
             let mut watch = Watch { reporter, signals, start: *start, stop, description, world, checkpoint };
-            let (reason, progress) = match std::env::var("RL_GROUP") {
-                Ok(error) => solve::group(world, ring, &mut state, error.parse().unwrap_or(0.01), ranks, &mut watch)?,
-                Err(_) => solve::plain(world, ring, &mut state, &rule, ranks, &mut watch)?,
-            };
+            let (reason, progress) = solve::solve(world, ring, &mut state, &rule, ranks, &mut watch)?;
             watch.reporter.shot(&progress, stop, true);
             Ok::<_, Failure>((reason, progress, watch.checkpoint.and_then(|checkpoint| checkpoint.failed)))
         })?;
@@ -284,8 +283,13 @@ pub fn settings(settings: &SolveSettings, mesh: &Mesh, stop: &StopArguments) -> 
         ringlight::shooting::Shoot::Elements => "elements",
         ringlight::shooting::Shoot::Average => "average",
     };
+    let (solver, error) = match settings.solver {
+        Solver::Plain => ("plain", None),
+        Solver::Group(error) => ("group", Some(error)),
+    };
     let value = serde_json::json!({
-        "solver": "plain",
+        "solver": solver,
+        "error": error,
         "patch_size": mesh.sizes.patch,
         "element_size": mesh.sizes.element,
         "cells": settings.cells,

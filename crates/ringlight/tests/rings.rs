@@ -8,7 +8,7 @@ use ringlight::resources::Bytes;
 use ringlight::ring::{Moves, Rings, Routing, Shards, Visits};
 use ringlight::scene::{self, Light, ReadOptions, Scene};
 use ringlight::shooting::{ClusterLight, Shoot};
-use ringlight::solve::{self, Progress, Ring, SolveSettings, Spread, State, StopReason, StopRule, World};
+use ringlight::solve::{self, Progress, Ring, SolveSettings, Solver, Spread, State, StopReason, StopRule, World};
 use ringlight::transport::{Communicator, Failure, Traffic, threads};
 use ringlight_visibility::OPAQUE;
 use std::collections::BTreeMap;
@@ -39,7 +39,8 @@ impl Task {
         let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         let bytes = Bytes::new(std::fs::read(folder.join("office.glb")).unwrap());
         let scene = scene::read("office.glb", bytes, &Folder(folder), &ReadOptions::default()).unwrap();
-        let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight };
+        let settings =
+            SolveSettings { solver: Solver::Plain, cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight };
         Task::new(scene, 0.475, 0.1945, settings, shots)
     }
 
@@ -139,7 +140,8 @@ fn the_offices_light_is_the_same_over_any_rings() {
 fn light_through_panes_and_lattices_is_the_same_over_any_rings() {
     // Under the sun and the lamp alone the panes' light is passed on; a sky is 256 shooters more.
     for (sky, shooters_in_flight, shots) in [(None, 1, 40), (Some([0.3, 0.4, 0.6]), 3, 260)] {
-        let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky, shooters_in_flight };
+        let settings =
+            SolveSettings { solver: Solver::Plain, cells: 16, shoot: Shoot::Elements, sky, shooters_in_flight };
         let pavilion = Task::new(support::pavilion::pavilion(), 1.0, 0.25, settings, shots);
         let hierarchy = mesh::hierarchy(&pavilion.mesh);
         let opaque = hierarchy.triangles().iter().filter(|triangle| triangle.filter == OPAQUE).count();

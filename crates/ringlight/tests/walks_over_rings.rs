@@ -9,7 +9,7 @@ use ringlight::resources::Bytes;
 use ringlight::ring::{Rings, Routing, Shards};
 use ringlight::scene::{self, Light, LightKind, ReadOptions, Scene};
 use ringlight::shooting::{self, Audit, ClusterLight, Fate, Shoot, Shot};
-use ringlight::solve::{Ring, SolveSettings, Spread, World};
+use ringlight::solve::{Ring, SolveSettings, Solver, Spread, World};
 use ringlight::transport::{Communicator, Failure, threads};
 use ringlight_visibility::OPAQUE;
 use std::path::PathBuf;
@@ -122,7 +122,8 @@ fn follow(
     ranks: &mut Communicator<'_>,
 ) -> Result<(Vec<Fate>, Vec<u64>), Failure> {
     let mesh = ring.mesh();
-    let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
+    let settings =
+        SolveSettings { solver: Solver::Plain, cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
     let world = World::new(&mut ring, &lights(mesh), settings, ranks)?;
     let audit = |shot| Audit::new(mesh, shot, 1000, world.centre, world.radius);
     let audits: Vec<Audit<'_>> = shots.iter().chain(&world.emitters).map(|shot| audit(shot)).collect();

@@ -31,6 +31,8 @@ pub enum UnitChoice {
 pub enum SolverChoice {
     /// Plain progressive refinement
     Plain,
+    /// Group shooting
+    Group,
 }
 
 /// What has a row of the matrix.

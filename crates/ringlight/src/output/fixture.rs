@@ -6,7 +6,7 @@ use crate::resources::{Bytes, Resources};
 use crate::scene::{self, ReadOptions, Scene};
 use crate::shooting::Shoot;
 use crate::solution::{Description, Solution, SolvedLight};
-use crate::solve::{self, Energy, Ledger, Ring, SolveSettings, Spread, State, StopRule, World};
+use crate::solve::{self, Energy, Ledger, Ring, SolveSettings, Solver, Spread, State, StopRule, World};
 use crate::transport::{Communicator, Failure, threads};
 use std::io;
 use std::sync::Arc;
@@ -36,7 +36,8 @@ pub fn solve(scene: Scene, element: f64, until: f64) -> Solution {
     let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
-    let settings = SolveSettings { cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
+    let settings =
+        SolveSettings { solver: Solver::Plain, cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
     let ranks = &mut Communicator::alone();
     let mut ring = Ring::alone(&mesh, Arc::new(hierarchy));
     let world = World::new(&mut ring, &scene.lights, settings, ranks).unwrap();

@@ -3,7 +3,7 @@
 
 use super::shot::FAR;
 use glam::{DVec3, Vec3};
-use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Points, PreparedShooter, Shooter, Tally};
+use ringlight_visibility::{Cells, NO_PLANE, Points, Shooter};
 use std::f32::consts::PI;
 
 /// Receivers that are tested together.
@@ -45,9 +45,10 @@ impl FarReceivers {
         self.names.push(name);
     }
 
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.names.len()
+    /// As visibility takes them.
+    pub fn points(&self) -> Points<'_> {
+        let [x, y, z] = &self.position;
+        Points { x, y, z, plane: &self.plane }
     }
 }
 
@@ -76,42 +77,44 @@ pub struct Share {
     pub open: f32,
 }
 
-/// Buffers that a thread reuses.
+impl Share {
+    /// Whether all is seen, but for rounding.
+    pub fn is_full(&self) -> bool {
+        self.seen >= 0.9999 * self.open
+    }
+
+    /// Whether all is seen, or nothing.
+    pub fn is_certain(&self) -> bool {
+        self.seen == 0.0 || self.is_full()
+    }
+}
+
+/// Buffers that are used again.
 #[derive(Debug, Default)]
 pub struct FarWork {
     /// For each chunk of receivers and each cell, what it sends to each.
     factors: Vec<[f32; LANES]>,
-    masks: Vec<u64>,
+    /// Cells that each receiver sees.
+    pub masks: Vec<u64>,
     /// What each receiver gets.
     pub received: Vec<f32>,
 }
 
 impl FarWork {
-    /// What the receivers get. Gives the share of what they would get were nothing in the way; none if that is nothing.
-    pub fn receive(
-        &mut self,
-        receivers: &FarReceivers,
-        cells: &FarCells,
-        hierarchy: &Hierarchy,
-        tally: &mut Tally,
-    ) -> Option<Share> {
-        let points = Points {
-            x: &receivers.position[0],
-            y: &receivers.position[1],
-            z: &receivers.position[2],
-            plane: &receivers.plane,
-        };
+    /// Finds which cells may light which receivers, as masks, and by how much. False if none lights any.
+    pub fn face(&mut self, receivers: &FarReceivers, cells: &FarCells) -> bool {
         self.masks.clear();
-        self.masks.resize(receivers.len(), 0);
+        self.masks.resize(receivers.names.len(), 0);
         self.factors.clear();
-        self.factors.resize(receivers.len().div_ceil(LANES) * cells.count, [0.0; LANES]);
+        self.factors.resize(receivers.names.len().div_ceil(LANES) * cells.count, [0.0; LANES]);
         pulp::Arch::new().dispatch(|| self.open(receivers, cells));
-        if self.masks.iter().all(|&mask| mask == 0) {
-            return None;
-        }
-        *tally = tally.join(hierarchy.clear_blocked_of(&PreparedShooter::new(&cells.shooter), points, &mut self.masks));
+        self.masks.iter().any(|&mask| mask != 0)
+    }
+
+    /// What the receivers get from the cells that the masks have left.
+    pub fn gather(&mut self, cells: &FarCells) -> Share {
         self.received.clear();
-        self.received.resize(receivers.len(), 0.0);
+        self.received.resize(self.masks.len(), 0.0);
         let mut share = Share { seen: 0.0, open: 0.0 };
         for (chunk, (masks, received)) in self.masks.chunks(LANES).zip(self.received.chunks_mut(LANES)).enumerate() {
             let factors = &self.factors[chunk * cells.count..][..cells.count];
@@ -125,7 +128,7 @@ impl FarWork {
                 share.seen += *received;
             }
         }
-        Some(share)
+        share
     }
 
     /// Factors of all cells above the horizon, and their bits.
@@ -143,7 +146,7 @@ impl FarWork {
             let [nx, ny, nz] = [0, 1, 2].map(|i| lanes(&normal[i]));
             let mut bits = [0u64; LANES];
             for k in 0..cells.count {
-                let [cx, cy, cz, mx, my, mz, intensity] = cells.columns.map_at(k);
+                let [cx, cy, cz, mx, my, mz, intensity] = cells.columns.each_ref().map(|column| column[k]);
                 let factors = &mut self.factors[chunk * cells.count + k];
                 for l in 0..LANES {
                     let (dx, dy, dz) = (cx - x[l], cy - y[l], cz - z[l]);
@@ -160,18 +163,6 @@ impl FarWork {
                 *mask = if coplanar { 0 } else { bits[l] };
             }
         }
-    }
-}
-
-/// The values of all columns at a place.
-trait Columns {
-    fn map_at(&self, k: usize) -> [f32; 7];
-}
-
-impl Columns for [[f32; CELLS]; 7] {
-    #[inline(always)]
-    fn map_at(&self, k: usize) -> [f32; 7] {
-        std::array::from_fn(|i| self[i][k])
     }
 }
 

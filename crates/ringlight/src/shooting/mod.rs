@@ -17,7 +17,7 @@ mod tree_light;
 pub use audit::{Audit, Fate, FateShares, Following};
 pub(crate) use emitter::sine_cosine;
 pub use emitter::{Emitter, emitters, skies};
-pub use far::{FarCells, FarReceivers, FarWork};
+pub use far::{FarCells, FarReceivers, FarWork, Share};
 pub use field::{Field, WHOLE};
 pub use light::{ClusterLight, ElementLight, PatchLight, radiosity, unshot_power, unshot_radiosity};
 pub use packet::Packet;

@@ -48,7 +48,8 @@ impl Receivers {
             let first = patch.first_element - cluster.elements.start;
             for block in blocks(&patch) {
                 let normal = patch.normal.as_vec3();
-                let full = |r: &Receivers| r.elements.len() + block.len() > TOGETHER as usize || r.axis.dot(normal) < 0.5;
+                let full =
+                    |r: &Receivers| r.elements.len() + block.len() > TOGETHER as usize || r.axis.dot(normal) < 0.5;
                 if !open || all.last().is_none_or(full) {
                     all.push(Receivers::none());
                     open = true;
@@ -99,16 +100,6 @@ impl Receivers {
         let sum: DVec3 = self.patches.iter().map(|(patch, ..)| patch.normal).sum();
         self.axis = sum.try_normalize().unwrap_or(DVec3::Z).as_vec3();
         self.cosine = self.patches.iter().map(|(patch, ..)| patch.normal.as_vec3().dot(self.axis)).fold(1.0, f32::min);
-    }
-
-    /// Number of elements.
-    pub fn len(&self) -> usize {
-        self.elements.len()
-    }
-
-    /// Always false.
-    pub fn is_empty(&self) -> bool {
-        self.elements.is_empty()
     }
 
     /// Collects the sample points that face the shooter, with the cells above their horizon.

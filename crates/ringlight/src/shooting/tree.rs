@@ -4,7 +4,7 @@
 //! members lie together is decided by the scene alone: halves along the longest extent of (position, normal).
 
 use crate::mesh::{Facet, Frame, Mesh, Patch, Tile};
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, Vec3};
 use ringlight_visibility::Layout;
 use std::ops::Range;
 
@@ -98,7 +98,8 @@ impl ShooterTree {
         }
         let extent = |i: usize| {
             let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-            let (low, high) = items.iter().fold(none, |(low, high), item| (low.min(item.place[i]), high.max(item.place[i])));
+            let (low, high) =
+                items.iter().fold(none, |(low, high), item| (low.min(item.place[i]), high.max(item.place[i])));
             high - low
         };
         let (position, normal) = (extent(0), extent(1));
@@ -197,14 +198,15 @@ fn parts(frame: &Frame, piece: &Piece) -> Vec<Piece> {
     let size = piece.tile.size * DVec2::new(frame.edge_u.length(), frame.edge_v.length());
     let along = if rows == 1 || columns > 1 && size.x >= size.y { 0 } else { 1 };
     let (whole, half) = (piece.grid[along], piece.grid[along] / 2);
-    [(0, half), (half, whole)].map(|(start, end)| {
-        let mut part = *piece;
-        part.grid[along] = end - start;
-        part.tile.origin[along] += piece.tile.size[along] * f64::from(start) / f64::from(whole);
-        part.tile.size[along] *= f64::from(end - start) / f64::from(whole);
-        part
-    })
-    .to_vec()
+    [(0, half), (half, whole)]
+        .map(|(start, end)| {
+            let mut part = *piece;
+            part.grid[along] = end - start;
+            part.tile.origin[along] += piece.tile.size[along] * f64::from(start) / f64::from(whole);
+            part.tile.size[along] *= f64::from(end - start) / f64::from(whole);
+            part
+        })
+        .to_vec()
 }
 
 impl Piece {

@@ -28,6 +28,7 @@ fn floor(side: u32) -> Solution {
         description: Description::new(scene),
         mesh,
         settings: SolveSettings {
+            solver: Solver::Plain,
             cells: 16,
             shoot: crate::shooting::Shoot::Elements,
             sky: None,

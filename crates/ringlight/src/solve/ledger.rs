@@ -11,6 +11,9 @@ pub struct Ledger {
     pub shots: u64,
     /// How many of the world's emitters have shot.
     pub emitters_shot: u64,
+    /// Rounds of group shooting done.
+    #[serde(default)]
+    pub rounds: u64,
     /// Power sent out by all emitters, W or lm.
     pub emitted: f64,
     /// Power that left the scene.
@@ -22,13 +25,13 @@ pub struct Ledger {
 impl Ledger {
     /// Of a state.
     pub fn of(state: &State) -> Ledger {
-        let &State { shots, emitters_shot, emitted, escaped, absorbed_by_backs, .. } = state;
-        Ledger { shots, emitters_shot, emitted, escaped, absorbed_by_backs }
+        let &State { shots, emitters_shot, rounds, emitted, escaped, absorbed_by_backs, .. } = state;
+        Ledger { shots, emitters_shot, rounds, emitted, escaped, absorbed_by_backs }
     }
 
     /// The state with this light.
     pub fn with(self, clusters: Vec<ClusterLight>) -> State {
-        let Ledger { shots, emitters_shot, emitted, escaped, absorbed_by_backs } = self;
-        State { clusters, shots, emitters_shot, emitted, escaped, absorbed_by_backs }
+        let Ledger { shots, emitters_shot, rounds, emitted, escaped, absorbed_by_backs } = self;
+        State { clusters, shots, emitters_shot, rounds, emitted, escaped, absorbed_by_backs }
     }
 }

@@ -15,7 +15,6 @@ mod state;
 mod walking;
 
 pub use energy::Energy;
-pub use group::group;
 pub use holding::OUTLINE;
 pub use ledger::Ledger;
 pub use plain::plain;
@@ -31,6 +30,9 @@ use serde::{Deserialize, Serialize};
 /// What decides the result, saved with it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SolveSettings {
+    /// Method.
+    #[serde(default)]
+    pub solver: Solver,
     /// Cells of a shooter: 1, 4, 16 or 64.
     pub cells: u32,
     /// What a patch shoots.
@@ -40,6 +42,17 @@ pub struct SolveSettings {
     /// Most shots under way at once.
     #[serde(default = "one")]
     pub shooters_in_flight: u32,
+}
+
+/// Methods.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Solver {
+    /// Plain progressive refinement: one patch shoots at a time.
+    #[default]
+    Plain,
+    /// Group shooting, to about this relative error.
+    Group(f64),
 }
 
 fn one() -> u32 {
@@ -83,6 +96,21 @@ pub enum Control {
     Checkpoint,
     /// Stop, with a valid state.
     Stop(StopReason),
+}
+
+/// Solves from `state` by the method of the settings, until it is good or the observer ends it; every rank of the world calls it.
+pub fn solve(
+    world: &World<'_>,
+    ring: &mut Ring<'_>,
+    state: &mut State,
+    stop: &StopRule,
+    ranks: &mut Communicator<'_>,
+    observer: &mut dyn Observer,
+) -> Result<(StopReason, Progress), Failure> {
+    match world.settings.solver {
+        Solver::Plain => plain::plain(world, ring, state, stop, ranks, observer),
+        Solver::Group(error) => group::group(world, ring, state, error, ranks, observer),
+    }
 }
 
 /// Watches a run.

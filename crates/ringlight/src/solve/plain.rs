@@ -202,13 +202,14 @@ fn commit(world: &World<'_>, state: &mut State, chosen: &Chosen) {
 
 /// Shots whose light has still to be followed for the audit. Nothing waits for it: it is done for many at a time.
 #[derive(Default)]
-struct Audits(Vec<Arc<Shot>>);
+pub(super) struct Audits(Vec<Arc<Shot>>);
 
 /// Shots that are audited together.
 const AUDITED: usize = 16;
 
 impl Audits {
-    fn add(
+    /// Adds a shot.
+    pub(super) fn add(
         &mut self,
         world: &World<'_>,
         ring: &mut Ring<'_>,
@@ -221,7 +222,7 @@ impl Audits {
     }
 
     /// Follows the shots' light with rays of its own: the more power, the more rays.
-    fn settle(
+    pub(super) fn settle(
         &mut self,
         world: &World<'_>,
         ring: &mut Ring<'_>,

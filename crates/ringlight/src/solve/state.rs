@@ -74,6 +74,8 @@ pub struct State {
     pub shots: u64,
     /// How many of the world's emitters have shot.
     pub emitters_shot: u64,
+    /// Rounds of group shooting done.
+    pub rounds: u64,
     /// Power sent out by all emitters, W or lm.
     pub emitted: f64,
     /// Power that left the scene.

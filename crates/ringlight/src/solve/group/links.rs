@@ -19,16 +19,6 @@ impl Links {
         Links { elements: elements.collect(), ..Links::default() }
     }
 
-    /// Number of links.
-    pub fn len(&self) -> usize {
-        self.nodes.len()
-    }
-
-    /// Number of links, for each receiver.
-    pub fn pairs(&self) -> usize {
-        self.nodes.len() * self.elements.len()
-    }
-
     /// Adds a link to a node, given names of receivers with area average and value at the sample point; unless nothing is
     /// seen.
     pub fn push(&mut self, node: u32, received: impl Iterator<Item = (u32, [f64; 3], [f64; 3])>) {

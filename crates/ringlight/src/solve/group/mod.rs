@@ -1,41 +1,60 @@
-//! Group shooting: every receiver takes its own cut through the tree of all that shoots.
+//! Group shooting: every receiver takes its own cut through the tree of all that shoots, and light goes back and forth over
+//! these links until it has settled.
+//!
+//! With x the light that elements receive, E that of lamps without surface, and F the form factors of the links, x = E + F(Bₑ +
+//! ρx). Rays are needed for F alone, so each pair is looked at once for all bounces. Which pairs there are depends on x: a
+//! first round with loose links finds it roughly, the next with the accuracy asked for. DESIGN (issue 7) has sweeps of
+//! unshot light instead; they need a cut for every bounce.
 
 mod cut;
 mod links;
+mod passes;
 
+use super::choice::Summary;
+use super::plain::Audits;
 use super::{Control, Observer, Progress, Ring, State, StopReason, World};
-use crate::mesh::Mesh;
-use crate::shooting::{self, ClusterLight, ElementLight, PatchLight, Radiosity, Receivers, ShooterTree, TreeLight};
+use crate::mesh::Inquiry;
+use crate::quantity::Rgb;
+use crate::shooting::{self, ClusterLight, Field, Receivers, Shoot, ShooterTree, TreeLight};
 use crate::transport::{Communicator, Failure};
-use cut::{Cut, Tolerance};
+use cut::Cut;
 use links::Links;
+use passes::Exchange;
 use rayon::prelude::*;
 use ringlight_visibility::Tally;
+use std::sync::Arc;
 
-static DARK: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
-/// Rounds: how much looser than asked each of them cuts.
+/// How much looser than asked the rounds cut.
 const ROUNDS: [f32; 2] = [8.0, 1.0];
 
-/// Most passes of light over the links of a round.
-const PASSES: usize = 64;
+/// Error that one link may have, as a share of that which all together may have: hundreds of them err both ways.
+const OF_ONE: f32 = 0.4;
 
-/// Passes end when the light of no element would change by more than this share.
-const SETTLED: f32 = 1e-4;
+/// Receivers whose own light is less than this share of the median are treated as if they had that.
+const FLOOR: f32 = 0.02;
 
-fn tune(name: &'static str, default: f32) -> f32 {
-    use std::cell::RefCell;
-    thread_local!(static SEEN: RefCell<Vec<(&'static str, f32)>> = const { RefCell::new(Vec::new()) });
-    SEEN.with_borrow_mut(|seen| {
-        if let Some(&(_, v)) = seen.iter().find(|s| s.0.as_ptr() == name.as_ptr()) {
-            return v;
-        }
-        let v = std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
-        seen.push((name, v));
-        v
-    })
+/// Parts of a round, between which the observer is asked.
+const PARTS: usize = 64;
+
+/// Tag of what the ranks tell each other between the parts of a round.
+const ROUND: u32 = 8;
+
+/// Patches of which light is followed for the audit, and rays of each.
+const AUDITED: usize = 2048;
+
+/// What lasts over the rounds.
+struct Solving<'w, 'a, 'o> {
+    world: &'w World<'a>,
+    exchange: Exchange<'w>,
+    tree: Arc<ShooterTree>,
+    /// What own clusters receive of lamps without surface.
+    direct: Vec<ClusterLight>,
+    tally: Tally,
+    observer: &'o mut dyn Observer,
 }
 
-/// Solves for all light at once, to a relative error of about `error`.
+/// Solves for all light at once, to a relative error of about `error`; every rank of the world calls it with the same settings. If
+/// the observer stops it, the light of the last whole round stands.
 pub fn group(
     world: &World<'_>,
     ring: &mut Ring<'_>,
@@ -45,154 +64,170 @@ pub fn group(
     observer: &mut dyn Observer,
 ) -> Result<(StopReason, Progress), Failure> {
     let mesh = world.mesh;
-    while let Some(emitter) = world.emitters.get(state.emitters_shot as usize) {
-        let job = ring.begin(emitter);
-        ring.commit(ranks, job, emitter, &mut state.clusters)?;
-        state.emitters_shot += 1;
-        state.shots += 1;
-    }
-    let time = std::time::Instant::now();
-    let tree = ShooterTree::new(mesh);
-    eprintln!("tree {} nodes {:.3}s", tree.nodes.len(), time.elapsed().as_secs_f64());
-    let direct: Vec<ElementLight> = state.clusters.iter().flat_map(|c| c.elements.iter().copied()).collect();
-    let mut received: Vec<[f32; 3]> = direct.iter().map(ElementLight::mean).collect();
-    let mut tally = Tally::default();
+    let direct = shoot_emitters(world, ring, state, ranks)?;
+    let exchange = Exchange::new(mesh, &world.share);
+    let mut received = exchange.all(ranks, if state.rounds > 0 { &state.clusters } else { &direct })?;
+    let tree = Arc::new(ShooterTree::new(mesh));
+    let mut solving = Solving { world, exchange, tree, direct, tally: Tally::default(), observer };
     let mut progress = Progress::default();
-    for (round, looser) in ROUNDS.into_iter().enumerate() {
-        let floor = floor(mesh, &received, &radiosities(mesh, &received));
-        // What is not known yet is guessed, so that there are links for it.
-        let guessed: Vec<[f32; 3]> = received.iter().map(|e| e.map(|e| if round == 0 { e + floor } else { e })).collect();
-        let elements = radiosities(mesh, &guessed);
-        let mut light = TreeLight::new(&tree, &elements);
-        let reference: Vec<f32> = guessed.iter().map(|&e| shooting::strength(e).max(floor)).collect();
-        let tolerance = Tolerance { share: looser * error as f32 * tune("RL_TAU", 0.1), seen: tune("RL_K", 4.0) };
-        let time = std::time::Instant::now();
-        let cut = Cut { mesh, tree: &tree, light: &light, elements: &elements, hierarchy: ring.hierarchy(), tolerance };
-        let links: Vec<(Vec<Links>, Tally)> = (0..mesh.clusters.len())
-            .into_par_iter()
-            .map_init(cut::Buffers::default, |buffers, cluster| {
-                let cluster = &mesh.clusters[cluster];
-                let mut tally = Tally::default();
-                let links = Receivers::of(mesh, cluster)
-                    .into_iter()
-                    .map(|receivers| {
-                        let own = receivers.elements.iter().map(|e| reference[(cluster.elements.start + e) as usize]);
-                        let start = cluster.elements.start;
-                        let dark = |e: &u32| received[(start + e) as usize] == [0.0; 3];
-                        if round > 0 && receivers.elements.iter().all(dark) {
-                            // Who saw nothing of anything is inside something.
-                            DARK.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                            return Links::default();
-                        }
-                        let least = own.fold(f32::INFINITY, f32::min);
-                        cut.links(&receivers, cluster.elements.start, least, buffers, &mut tally)
-                    })
-                    .collect();
-                (links, tally)
-            })
-            .collect();
-        tally = links.iter().fold(tally, |a, b| a.join(b.1));
-        let links: Vec<Links> = links.into_iter().flat_map(|l| l.0).collect();
-        let count: usize = links.iter().map(Links::len).sum();
-        let pairs: usize = links.iter().map(Links::pairs).sum();
-        eprintln!(
-            "round {round}: {count} links, {:.1} per element, {:.1} M rays, {:.2} s",
-            pairs as f64 / mesh.element_count() as f64,
-            tally.rays as f64 / 1e6,
-            time.elapsed().as_secs_f64()
-        );
-        eprintln!("  probes, blocked, seen but open, seen: {:?}", cut::PROBES.each_ref().map(|p| p.swap(0, std::sync::atomic::Ordering::Relaxed)));
-        eprintln!("  dark {}", DARK.swap(0, std::sync::atomic::Ordering::Relaxed));
-        let c = |i: usize| cut::COUNTS[i].swap(0, std::sync::atomic::Ordering::Relaxed);
-        for (i, n) in ["group far", "group near", "piece far", "piece near", "element far", "element near"].into_iter().enumerate() {
-            eprintln!("  {n}: {} links, {:.1} M rays, {} far that see", c(i), c(8 + i) as f64 / 1e6, c(16 + i));
-        }
-        let time = std::time::Instant::now();
-        let mut passes = 0;
-        let mut correction = Vec::new();
-        for _ in 0..PASSES {
-            passes += 1;
-            let mut next: Vec<[f32; 3]> = direct.iter().map(ElementLight::mean).collect();
-            let found: Vec<Vec<(u32, [f32; 3], [f32; 3])>> = links.par_iter().map(|l| l.gather(&light)).collect();
-            correction = vec![[0.0f32; 3]; next.len()];
-            for (element, mean, point) in found.into_iter().flatten() {
-                (0..3).for_each(|c| next[element as usize][c] += mean[c]);
-                correction[element as usize] = point;
-            }
-            let change = received.iter().zip(&next).map(|(a, b)| (a[0] - b[0]).abs() / b[0].max(1e-12)).fold(0.0, f32::max);
-            received = next;
-            light.renew(&tree, &radiosities(mesh, &received));
-            if change < SETTLED {
-                break;
-            }
-        }
-        eprintln!("{passes} passes {:.2} s", time.elapsed().as_secs_f64());
-        put(mesh, &mut state.clusters, &direct, &received, &correction);
-        progress = Progress {
-            shots: state.shots,
-            unshot_share: 0.0,
-            rays: tally.rays,
-            masks: tally.masks,
-            masks_without_rays: tally.masks_without_rays,
-        };
-        observer.observe(&progress);
-        if let Control::Stop(reason) = observer.control() {
+    for round in state.rounds as usize..ROUNDS.len() {
+        let control;
+        (control, progress) = solving.round(ring, state, (round, error as f32), &mut received, ranks)?;
+        if let Control::Stop(reason) = control {
             return Ok((reason, progress));
         }
     }
     Ok((StopReason::Converged, progress))
 }
 
-/// Radiosity of each element that has received so much.
-fn radiosities(mesh: &Mesh, received: &[[f32; 3]]) -> Vec<Radiosity> {
-    let of_cluster = |cluster: &crate::mesh::Cluster| {
-        let patches = cluster.patches.clone().map(|id| mesh.patch(id));
-        let all = patches.flat_map(|patch| patch.elements().map(move |e| (patch, e)));
-        let radiosity = |(patch, e): (crate::mesh::Patch, u32)| {
-            let light = ElementLight { shot: received[e as usize], ..ElementLight::default() };
-            shooting::radiosity(mesh, &patch, e, &light).map(|x| x as f32)
-        };
-        all.map(radiosity).collect::<Vec<_>>()
-    };
-    mesh.clusters.par_iter().flat_map_iter(of_cluster).collect()
-}
-
-/// What the error of each element is relative to: its own light, and a share of what is usual.
-fn floor(mesh: &Mesh, received: &[[f32; 3]], elements: &[Radiosity]) -> f32 {
-    let mut lit: Vec<f32> = received.iter().map(|&e| shooting::strength(e)).filter(|&e| e > 0.0).collect();
-    if lit.len() * 2 > mesh.element_count() {
-        let middle = lit.len() / 2;
-        *lit.select_nth_unstable_by(middle, f32::total_cmp).1 * tune("RL_FLOOR", 0.1)
-    } else {
-        // Nobody knows yet: as if all exitance were spread over all surfaces and half of it came back.
-        let (mut power, mut area) = (0.0, 0.0);
-        for id in 0..mesh.patch_count() as u32 {
-            let patch = mesh.patch(id);
-            for (k, e) in patch.elements().enumerate() {
-                let free = patch.element_area(k as u32) * mesh.valid_share(e);
-                power += free * f64::from(shooting::strength(elements[e as usize]));
-                area += free;
-            }
+/// What own clusters receive of lamps that are no surfaces: shot one by one, before all else. Until the first round is over, that
+/// is the solution.
+fn shoot_emitters(
+    world: &World<'_>,
+    ring: &mut Ring<'_>,
+    state: &mut State,
+    ranks: &mut Communicator<'_>,
+) -> Result<Vec<ClusterLight>, Failure> {
+    let own = world.share.own.par_iter();
+    let mut direct: Vec<ClusterLight> = own.map(|&c| ClusterLight::new(world.mesh, c as usize)).collect();
+    let mut audits = Audits::default();
+    for (number, emitter) in world.emitters.iter().enumerate() {
+        let job = ring.begin(emitter);
+        ring.commit(ranks, job, emitter, &mut direct)?;
+        if number as u64 == state.emitters_shot {
+            state.emitters_shot += 1;
+            state.shots += 1;
+            audits.add(world, ring, state, ranks, emitter.clone())?;
         }
-        (power / area) as f32
     }
+    audits.settle(world, ring, state, ranks)?;
+    if state.rounds == 0 {
+        state.clusters = direct.clone();
+    }
+    Ok(direct)
 }
 
-/// Puts the light in its place: all of it is shot.
-fn put(
-    mesh: &Mesh,
-    clusters: &mut [ClusterLight],
-    direct: &[ElementLight],
-    received: &[[f32; 3]],
-    correction: &[[f32; 3]],
-) {
-    for (light, cluster) in clusters.iter_mut().zip(&mesh.clusters) {
-        for (k, element) in light.elements.iter_mut().enumerate() {
-            let e = cluster.elements.start as usize + k;
-            element.shot = received[e];
-            element.unshot = [0.0; 3];
-            element.correction = std::array::from_fn(|c| direct[e].correction[c] + correction[e][c]);
+impl Solving<'_, '_, '_> {
+    /// One round: links, then light over them until it settles. `received` is what all elements receive.
+    fn round<'r>(
+        &mut self,
+        ring: &mut Ring<'r>,
+        state: &mut State,
+        (round, error): (usize, f32),
+        received: &mut Vec<Rgb>,
+        ranks: &mut Communicator<'_>,
+    ) -> Result<(Control, Progress), Failure> {
+        let (mesh, tree) = (self.world.mesh, self.tree.clone());
+        let floor = passes::floor(mesh, received);
+        // What is not known yet is guessed, so that there are links for it.
+        let guess = if round == 0 { floor.guess } else { 0.0 };
+        let guessed: Vec<Rgb> = received.iter().map(|e| e.map(|e| e + guess)).collect();
+        let elements = passes::radiosities(mesh, &guessed);
+        let mut light = TreeLight::new(&tree, &elements);
+        let cut =
+            Cut { mesh, tree: &tree, light: &light, elements: &elements, allowed: ROUNDS[round] * error * OF_ONE };
+        let least = |receivers: &Receivers, first: u32| {
+            let own = receivers.elements.iter().map(|e| shooting::strength(guessed[(first + e) as usize]));
+            own.fold(f32::INFINITY, f32::min).max(floor.least)
+        };
+        // Who saw nothing of anything in the first round is inside of something.
+        let sees = |receivers: &Receivers, first: u32| {
+            round == 0 || receivers.elements.iter().any(|e| received[(first + e) as usize] != [0.0; 3])
+        };
+        let own = self.world.share.own.as_slice();
+        let mut links: Vec<(usize, Links)> = Vec::new();
+        let mut progress = Progress::default();
+        for part in 0..PARTS {
+            let joined = self.tell(state, ranks)?;
+            progress = joined.1;
+            if let Control::Stop(_) = joined.0 {
+                return Ok(joined);
+            }
+            let clusters = part * own.len() / PARTS..(part + 1) * own.len() / PARTS;
+            let all = clusters.flat_map(|place| {
+                let cluster = &mesh.clusters[own[place] as usize];
+                let first = cluster.elements.start;
+                Receivers::of(mesh, cluster).into_iter().map(move |receivers| (place, first, receivers))
+            });
+            let wanted = all.filter(|(_, first, receivers)| sees(receivers, *first)).enumerate();
+            let task = |(number, (_, first, receivers)): (usize, (usize, u32, Receivers)), inquiry: Inquiry<'r>| {
+                let (cut, least) = (&cut, &least);
+                async move {
+                    let (links, tally) = cut.links(&receivers, first, least(&receivers, first), &inquiry).await;
+                    (number, links, tally)
+                }
+            };
+            let before = links.len();
+            let tally = &mut self.tally;
+            ring.ask(ranks, wanted, task, |(number, found, asked)| {
+                *tally = tally.join(asked);
+                links.push((before + number, found));
+            })?;
         }
-        light.patches.fill(PatchLight::default());
+        links.sort_unstable_by_key(|(number, _)| *number);
+        let links: Vec<Links> = links.into_iter().map(|(_, links)| links).collect();
+        let clusters = passes::settle(&self.exchange, &tree, &links, &self.direct, &mut light, received, ranks)?;
+        state.clusters = clusters;
+        state.rounds += 1;
+        if state.rounds as usize == ROUNDS.len() {
+            self.audit(ring, state, received, ranks)?;
+        }
+        Ok((Control::Continue, progress))
+    }
+
+    /// Tells the observer how far it is, and heeds the strongest wish of any rank.
+    fn tell(&mut self, state: &mut State, ranks: &mut Communicator<'_>) -> Result<(Control, Progress), Failure> {
+        let summary = Summary { tally: self.tally, control: self.observer.control(), ..Summary::default() };
+        let joined = ranks.all_reduce(ROUND, summary.to_bytes(), Summary::join_bytes)?;
+        let Summary { tally, control, .. } = Summary::from_bytes(joined);
+        let progress = Progress {
+            shots: state.shots,
+            unshot_share: if state.rounds == 0 { 1.0 } else { 0.0 },
+            rays: tally.rays,
+            masks: tally.masks,
+            masks_without_rays: tally.masks_without_rays,
+        };
+        self.observer.observe(&progress);
+        if control == Control::Checkpoint {
+            self.observer.checkpoint(state, ranks)?;
+        }
+        Ok((control, progress))
+    }
+
+    /// Follows what patches send out: of patches at equal steps of power, so that each stands for as much.
+    fn audit(
+        &self,
+        ring: &mut Ring<'_>,
+        state: &mut State,
+        received: &[Rgb],
+        ranks: &mut Communicator<'_>,
+    ) -> Result<(), Failure> {
+        let mesh = self.world.mesh;
+        let elements = passes::radiosities(mesh, received);
+        let power = |id: u32| {
+            let patch = mesh.patch(id);
+            let of = |(k, e): (usize, u32)| {
+                let radiosity: f64 = elements[e as usize].iter().map(|&b| f64::from(b)).sum();
+                patch.element_area(k as u32) * mesh.valid_share(e) * radiosity
+            };
+            patch.elements().enumerate().map(of).sum::<f64>()
+        };
+        let powers: Vec<f64> = (0..mesh.patch_count() as u32).into_par_iter().map(power).collect();
+        let step = powers.iter().sum::<f64>() / AUDITED as f64;
+        let mut audits = Audits::default();
+        let mut passed = -step / 2.0;
+        for (id, power) in (0..).zip(powers) {
+            passed += power;
+            let steps = (passed / step).floor();
+            if steps.is_nan() || steps < 1.0 {
+                continue;
+            }
+            passed -= steps * step;
+            let patch = mesh.patch(id);
+            let of_patch: Vec<[f64; 3]> = patch.elements().map(|e| elements[e as usize].map(f64::from)).collect();
+            let shot = Field::new(mesh, &patch, &of_patch).shot(4, Shoot::Elements, steps * step);
+            audits.add(self.world, ring, state, ranks, Arc::new(shot))?;
+        }
+        audits.settle(self.world, ring, state, ranks)
     }
 }
