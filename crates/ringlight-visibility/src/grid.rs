@@ -8,8 +8,9 @@ use std::cell::Cell;
 
 use arrayvec::ArrayVec;
 
-use crate::build::{SINGLE, STACK, Target, WIDTH};
+use crate::build::{STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
+use crate::items::SINGLE;
 use crate::mask::{Clear, Test, in_packets, pack};
 use crate::packet::{PACKET, Packet};
 use crate::plan::Plan;

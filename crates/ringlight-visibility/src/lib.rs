@@ -14,6 +14,7 @@ mod build;
 mod grid;
 mod hierarchy;
 mod instruction_set;
+mod items;
 mod kernel;
 mod lanes;
 mod mask;

@@ -55,7 +55,7 @@ pub(crate) struct Facet {
 }
 
 impl Facet {
-    /// The triangle; with `other`, the parallelogram that both make. See [`parallelogram`] for `corners`.
+    /// The triangle; with `other`, the parallelogram that both make. See [`crate::items::parallelogram`] for `corners`.
     #[inline(always)]
     pub fn new(plan: &Plan, triangle: &Triangle, corners: u8, other: Option<&Triangle>) -> Facet {
         let [corner, b, c] = match corners & 3 {
@@ -96,26 +96,6 @@ impl Facet {
             plane: triangle.plane,
         }
     }
-}
-
-/// Whether the two triangles are one facet, a parallelogram in one plane: the number of the corner that only the first
-/// one has, and four times the number of the one that only the second one has.
-pub(crate) fn parallelogram(a: &Triangle, b: &Triangle) -> Option<u8> {
-    if a.plane != b.plane || a.filter != crate::OPAQUE || b.filter != crate::OPAQUE {
-        return None;
-    }
-    let only_first = (0..3).find(|&i| !b.corners.contains(&a.corners[i]))?;
-    let shared = [a.corners[(only_first + 1) % 3], a.corners[(only_first + 2) % 3]];
-    if !shared.iter().all(|c| b.corners.contains(c)) {
-        return None;
-    }
-    let only_second = (0..3).find(|&i| !shared.contains(&b.corners[i]))?;
-    let fourth = b.corners[only_second];
-    let corner = a.corners[only_first];
-    let (e, g) = (sub(shared[0], corner), sub(shared[1], corner));
-    let off = sub(sub(fourth, corner), [e[0] + g[0], e[1] + g[1], e[2] + g[2]]);
-    let longest = length(e).max(length(g));
-    (length(off) <= FLAT * longest).then_some((only_first | only_second << 2) as u8)
 }
 
 /// What depends on receivers and grid alone: x, x×U and x×W seen from the grid's corner.
