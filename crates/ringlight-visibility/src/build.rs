@@ -9,14 +9,8 @@ use crate::{Triangle, predicate};
 /// Children of a node: as many as the widest register has lanes.
 pub(crate) const WIDTH: usize = 16;
 
-/// Most facets in a leaf where the heuristic may choose.
-const LEAF: usize = 4;
-
-/// Most triangles in a leaf where the alternative is a node with hardly any children.
-const LARGE_LEAF: u32 = 4;
-
-/// Most triangles in any leaf.
-const MOST: u32 = 12;
+/// Most triangles in a leaf, unless it is one item.
+const LEAF: u32 = 4;
 
 const BINS: usize = 16;
 
@@ -122,8 +116,9 @@ struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
-    fn triangles(&self) -> u32 {
-        self.items.iter().map(|item| item.triangles).sum()
+    /// Whether it may be a leaf.
+    fn is_small(&self) -> bool {
+        self.items.len() <= LEAF as usize && self.items.iter().map(|item| item.triangles).sum::<u32>() <= LEAF
     }
 
     fn new(items: &'a mut [Item], extent: Extent, first: usize, depth: usize) -> Part<'a> {
@@ -244,7 +239,7 @@ fn grow_all(mut parts: Vec<Part>) -> Vec<Tree> {
 }
 
 fn grow_one(part: Part) -> Tree {
-    if part.whole || part.items.len() <= LARGE_LEAF as usize && part.triangles() <= LARGE_LEAF {
+    if part.whole || part.is_small() {
         Tree::Leaf(part.extent.bounds, part.first, part.items.len())
     } else {
         grow(part)
@@ -292,10 +287,7 @@ fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
     let (cost, axis, border) = best;
     let keep = part.extent.bounds.half_area() * count as f32;
     // A child costs a share of a node's test, about a quarter of a triangle's.
-    if count <= LEAF
-        && part.triangles() <= MOST
-        && (!cost.is_finite() || cost + 0.5 * part.extent.bounds.half_area() >= keep)
-    {
+    if part.is_small() && (!cost.is_finite() || cost + 0.5 * part.extent.bounds.half_area() >= keep) {
         part.whole = true;
         return Err(part);
     }
