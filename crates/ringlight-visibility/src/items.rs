@@ -70,12 +70,12 @@ fn box_of(triangles: &[Triangle], facets: &[u8]) -> usize {
         for corner in pair.iter().flat_map(|t| t.corners) {
             if !corners.contains(&corner) && corners.try_push(corner).is_err() {
                 corners.truncate(known);
-                return if sides >= 5 && known == 8 { 2 * sides } else { 0 };
+                return if sides >= 4 && known == 8 { 2 * sides } else { 0 };
             }
         }
         sides += 1;
     }
-    if sides >= 5 && corners.len() == 8 { 2 * sides } else { 0 }
+    if sides >= 4 && corners.len() == 8 { 2 * sides } else { 0 }
 }
 
 /// Whether the two triangles are one facet, a parallelogram in one plane: the number of the corner that only the first
