@@ -29,6 +29,7 @@ mod shaft;
 mod shaft_region;
 mod shooter;
 mod sieve;
+mod spans;
 mod triangle;
 
 pub use boxes::Boxes;
