@@ -289,7 +289,7 @@ fn cells<S: Machine, const SIDE: usize, const N: usize>(
     bands: [Lanes<S>; N],
     wanted: Wanted<S>,
 ) -> Option<[[S::u32s; 2]; 2]> {
-    let spans = if SIDE == 8 { Some(Spans::new(simd, plan, functions, bands)) } else { None };
+    let spans = if SIDE > 0 { Some(Spans::<S, SIDE, N>::new(simd, plan, functions, bands)) } else { None };
     let mut shifted = functions;
     for f in 0..N {
         shifted[f] = functions[f].plus(bands[f]);

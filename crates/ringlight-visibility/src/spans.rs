@@ -10,9 +10,6 @@ use crate::kernel::Affine;
 use crate::lanes::Lanes;
 use crate::plan::Plan;
 
-/// Cells of a row, and rows.
-const SIDE: usize = 8;
-
 /// What rounding may take from a place in a row, in cells: eight cells have a rounding of 2⁻²¹ and a few such are made.
 const PLACE_ROUNDING: f32 = 1.0 / 65536.0;
 
@@ -20,7 +17,7 @@ const PLACE_ROUNDING: f32 = 1.0 / 65536.0;
 const INTEGER: f32 = 12_582_912.0;
 
 /// The borders of a facet as places in rows, counted from the end of the row at which the cells outside are.
-pub(crate) struct Spans<S: Machine, const N: usize> {
+pub(crate) struct Spans<S: Machine, const SIDE: usize, const N: usize> {
     /// Places in the first row.
     at: [Lanes<S>; N],
     /// How much they advance with each row.
@@ -31,7 +28,7 @@ pub(crate) struct Spans<S: Machine, const N: usize> {
     rising: [S::m32s; N],
 }
 
-impl<S: Machine, const N: usize> Spans<S, N> {
+impl<S: Machine, const SIDE: usize, const N: usize> Spans<S, SIDE, N> {
     /// Of functions that are not negative inside, each with what it may be off. An untwisted grid's.
     #[inline(always)]
     pub fn new(simd: S, plan: &Plan, functions: [Affine<S>; N], bands: [Lanes<S>; N]) -> Self {
@@ -61,7 +58,7 @@ impl<S: Machine, const N: usize> Spans<S, N> {
         for f in 0..N {
             at[f] = if certain { at[f] + self.half[f] } else { at[f] - self.half[f] };
         }
-        let row = simd.splat_u32s(0xff);
+        let row = simd.splat_u32s((1 << SIDE) - 1);
         let mut words = [simd.splat_u32s(0); 2];
         for j in 0..SIDE {
             let j_times = Lanes::splat(simd, j as f32);
@@ -71,11 +68,11 @@ impl<S: Machine, const N: usize> Spans<S, N> {
                 before = before.max(place).or(self.rising[f], before);
                 after = after.or(self.rising[f], after.max(place));
             }
-            let shifts = [integer(simd, before), integer(simd, after)];
+            let shifts = [integer::<S, SIDE>(simd, before), integer::<S, SIDE>(simd, after)];
             let cells =
                 simd.and_u32s(simd.wrapping_dyn_shl_u32s(row, shifts[0]), simd.wrapping_dyn_shr_u32s(row, shifts[1]));
-            let cells = simd.wrapping_dyn_shl_u32s(cells, simd.splat_u32s((j % 4 * SIDE) as u32));
-            words[j / 4] = simd.or_u32s(words[j / 4], cells);
+            let cells = simd.wrapping_dyn_shl_u32s(cells, simd.splat_u32s((j * SIDE % 32) as u32));
+            words[j * SIDE / 32] = simd.or_u32s(words[j * SIDE / 32], cells);
         }
         words
     }
@@ -83,7 +80,7 @@ impl<S: Machine, const N: usize> Spans<S, N> {
 
 /// The next whole number, up to 8, in the lowest five bits.
 #[inline(always)]
-fn integer<S: Machine>(simd: S, place: Lanes<S>) -> S::u32s {
+fn integer<S: Machine, const SIDE: usize>(simd: S, place: Lanes<S>) -> S::u32s {
     let nearest = (place + 0.5).min(Lanes::splat(simd, SIDE as f32)) + INTEGER;
     simd.transmute_u32s_f32s(nearest.value)
 }
