@@ -31,6 +31,9 @@ const NEAREST: f32 = 1e-9;
 /// What rounding may take from a place on the lattice.
 const LATTICE_ROUNDING: f32 = 1.0 / 512.0;
 
+/// Added to numbers of 0 to 8, leaves them rounded in the lowest bits.
+const INTEGER: f32 = 12_582_912.0;
+
 /// Boxes, structure of arrays: in space, or in the grid's coordinates.
 #[repr(C, align(64))]
 #[derive(Clone, Copy)]
@@ -168,9 +171,10 @@ impl Shadows {
         shadows
     }
 
-    /// Whether the shadow of a box, in the grid's coordinates, may hold a cell that a receiver still sees.
+    /// Whether the shadow of a box, in the grid's coordinates, may hold a cell that a receiver still sees. Of sixteen cells it is
+    /// asked `CLOSELY`, too, whether they lie in the box's directions; that pays where much is in the box.
     #[inline(always)]
-    pub fn matters<S: Machine, const SIDE: usize, const WEDGE: bool>(
+    pub fn matters<S: Machine, const SIDE: usize, const CLOSELY: bool>(
         &self,
         simd: S,
         plan: &Plan,
@@ -182,13 +186,13 @@ impl Shadows {
         }
         let mut matters = false;
         for chunk in 0..PACKET / S::F32_LANES {
-            matters |= self.chunk_matters::<S, SIDE, WEDGE>(simd, plan, packet, low, high, chunk);
+            matters |= self.chunk_matters::<S, SIDE, CLOSELY>(simd, plan, packet, low, high, chunk);
         }
         matters
     }
 
     #[inline(always)]
-    fn chunk_matters<S: Machine, const SIDE: usize, const WEDGE: bool>(
+    fn chunk_matters<S: Machine, const SIDE: usize, const CLOSELY: bool>(
         &self,
         simd: S,
         plan: &Plan,
@@ -216,17 +220,15 @@ impl Shadows {
             let from = (below[i] * by_near).min(below[i] * by_far) + (over[i] - LATTICE_ROUNDING);
             let to = (above[i] * by_near).max(above[i] * by_far) + (over[i] + LATTICE_ROUNDING);
             let mut lines = [simd.splat_u32s(0); 2];
-            if SIDE > 0 {
+            if SIDE == 8 {
+                let ends = [integer(simd, from), integer(simd, Lanes::splat(simd, 7.0) - to)];
+                lines = if i == 0 { columns(simd, ends) } else { rows(simd, ends) };
+            } else if SIDE > 0 {
                 for k in 0..SIDE {
                     let at = Lanes::splat(simd, k as f32);
                     let hides = simd.and_m32s(at.at_least(from), to.at_least(at));
-                    // Rows of eight take both words.
-                    let here = if i == 0 || SIDE < 8 { 0 } else { k / 4 };
                     let cells = simd.splat_u32s(cells_of_line::<SIDE>(i, k));
-                    lines[here] = simd.or_u32s(lines[here], simd.select_u32s(hides, cells, simd.splat_u32s(0)));
-                }
-                if i == 0 && SIDE == 8 {
-                    lines[1] = lines[0];
+                    lines[0] = simd.or_u32s(lines[0], simd.select_u32s(hides, cells, simd.splat_u32s(0)));
                 }
             } else {
                 for line in plan.lines[i].as_slice() {
@@ -243,7 +245,7 @@ impl Shadows {
             }
         }
         let mut left = simd.and_m32s(inside, nonzero(simd, simd.or_u32s(hidden[0], hidden[1])));
-        if WEDGE && SIDE == 4 && any(simd, left) {
+        if CLOSELY && SIDE == 4 && any(simd, left) {
             let beside = beside::<S, SIDE>(simd, below, above, over);
             for w in 0..2 {
                 hidden[w] = simd.and_u32s(hidden[w], beside[w]);
@@ -284,14 +286,47 @@ fn beside<S: Machine, const SIDE: usize>(
     words
 }
 
-/// The cells of column (axis 0) or row (axis 1) `k` in a square grid; of a row, in its word.
+/// The cells of column (axis 0) or row (axis 1) `k` in a square grid that takes one word.
 const fn cells_of_line<const SIDE: usize>(axis: usize, k: usize) -> u32 {
-    let rows_in_word = if SIDE == 8 { 4 } else { SIDE };
     let mut cells = 0;
     let mut i = 0;
-    while i < if axis == 0 { rows_in_word } else { SIDE } {
-        cells |= 1 << if axis == 0 { i * SIDE + k } else { (k % rows_in_word) * SIDE + i };
+    while i < SIDE {
+        cells |= 1 << if axis == 0 { i * SIDE + k } else { k * SIDE + i };
         i += 1;
     }
     cells
+}
+
+/// The next whole number, from 0 to 8, in the lowest five bits.
+#[inline(always)]
+fn integer<S: Machine>(simd: S, place: Lanes<S>) -> S::u32s {
+    let (least, most) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 8.0));
+    simd.transmute_u32s_f32s(((place + 0.5).max(least).min(most) + INTEGER).value)
+}
+
+/// Eight bits without the first and the last few.
+#[inline(always)]
+fn within<S: Machine>(simd: S, [first, last]: [S::u32s; 2]) -> S::u32s {
+    let all = simd.splat_u32s(0xff);
+    simd.and_u32s(simd.wrapping_dyn_shl_u32s(all, first), simd.wrapping_dyn_shr_u32s(all, last))
+}
+
+/// The cells of eight columns but the first and the last few.
+#[inline(always)]
+fn columns<S: Machine>(simd: S, ends: [S::u32s; 2]) -> [S::u32s; 2] {
+    [simd.mul_u32s(within(simd, ends), simd.splat_u32s(0x0101_0101)); 2]
+}
+
+/// The cells of eight rows but the first and the last few.
+#[inline(always)]
+fn rows<S: Machine>(simd: S, ends: [S::u32s; 2]) -> [S::u32s; 2] {
+    let rows = within(simd, ends);
+    let mut words = [rows, simd.wrapping_dyn_shr_u32s(rows, simd.splat_u32s(4))];
+    for w in 0..2 {
+        // Each of four bits to a byte of its own, and there eight times.
+        let four = simd.and_u32s(words[w], simd.splat_u32s(0xf));
+        let apart = simd.and_u32s(simd.mul_u32s(four, simd.splat_u32s(0x0020_4081)), simd.splat_u32s(0x0101_0101));
+        words[w] = simd.mul_u32s(apart, simd.splat_u32s(0xff));
+    }
+    words
 }
