@@ -21,7 +21,7 @@ use crate::sieve::{Facet, Frame, Sifted, sift};
 use crate::{Hierarchy, NO_PLANE, OPAQUE, Tally};
 
 /// Facets that are looked at first.
-const REMEMBERED: usize = 8;
+const REMEMBERED: usize = 12;
 
 const NONE: u32 = u32::MAX;
 

@@ -154,7 +154,7 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
 
 /// The sides of a box, two triangles each: five or six of them, or fewer; upright, turned or askew, thick or thin, and
 /// some not quite closed or not quite a box.
-fn box_sides(random: &mut Random, a: Vector) -> Vec<[[Vector; 3]; 2]> {
+pub fn box_sides(random: &mut Random, a: Vector) -> Vec<[[Vector; 3]; 2]> {
     let lattice = random.below(3) == 0;
     let a = if lattice { random.lattice() } else { a };
     let size = [1.0, 1.0, 0.1][random.below(3)];
