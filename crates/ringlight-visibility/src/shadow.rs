@@ -18,6 +18,7 @@ use crate::lanes::{Lanes, any, dot, from_point, minus, nonzero, norm, splat};
 use crate::packet::{PACKET, Packet};
 use crate::plan::Plan;
 use crate::predicate::{SHAFT_MARGIN, Vector, cross, dot as product, norm as length, sub};
+use crate::spans::span;
 
 /// Share of the lengths involved that rounding may take, with plenty to spare.
 const ROUNDING: f32 = 1.0 / 65536.0;
@@ -30,9 +31,6 @@ const NEAREST: f32 = 1e-9;
 
 /// What rounding may take from a place on the lattice.
 const LATTICE_ROUNDING: f32 = 1.0 / 512.0;
-
-/// Added to numbers of 0 to 8, leaves them rounded in the lowest bits.
-const INTEGER: f32 = 12_582_912.0;
 
 /// Boxes, structure of arrays: in space, or in the grid's coordinates.
 #[repr(C, align(64))]
@@ -221,8 +219,9 @@ impl Shadows {
             let to = (above[i] * by_near).max(above[i] * by_far) + (over[i] + LATTICE_ROUNDING);
             let mut lines = [simd.splat_u32s(0); 2];
             if SIDE == 8 {
-                let ends = [integer(simd, from), integer(simd, Lanes::splat(simd, 7.0) - to)];
-                lines = if i == 0 { columns(simd, ends) } else { rows(simd, ends) };
+                let zero = Lanes::splat(simd, 0.0);
+                let span = span::<S, SIDE>(simd, from.max(zero), (Lanes::splat(simd, 7.0) - to).max(zero));
+                lines = if i == 0 { columns(simd, span) } else { rows(simd, span) };
             } else if SIDE > 0 {
                 for k in 0..SIDE {
                     let at = Lanes::splat(simd, k as f32);
@@ -297,30 +296,15 @@ const fn cells_of_line<const SIDE: usize>(axis: usize, k: usize) -> u32 {
     cells
 }
 
-/// The next whole number, from 0 to 8, in the lowest five bits.
+/// The cells of some of eight columns.
 #[inline(always)]
-fn integer<S: Machine>(simd: S, place: Lanes<S>) -> S::u32s {
-    let (least, most) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 8.0));
-    simd.transmute_u32s_f32s(((place + 0.5).max(least).min(most) + INTEGER).value)
+fn columns<S: Machine>(simd: S, columns: S::u32s) -> [S::u32s; 2] {
+    [simd.mul_u32s(columns, simd.splat_u32s(0x0101_0101)); 2]
 }
 
-/// Eight bits without the first and the last few.
+/// The cells of some of eight rows.
 #[inline(always)]
-fn within<S: Machine>(simd: S, [first, last]: [S::u32s; 2]) -> S::u32s {
-    let all = simd.splat_u32s(0xff);
-    simd.and_u32s(simd.wrapping_dyn_shl_u32s(all, first), simd.wrapping_dyn_shr_u32s(all, last))
-}
-
-/// The cells of eight columns but the first and the last few.
-#[inline(always)]
-fn columns<S: Machine>(simd: S, ends: [S::u32s; 2]) -> [S::u32s; 2] {
-    [simd.mul_u32s(within(simd, ends), simd.splat_u32s(0x0101_0101)); 2]
-}
-
-/// The cells of eight rows but the first and the last few.
-#[inline(always)]
-fn rows<S: Machine>(simd: S, ends: [S::u32s; 2]) -> [S::u32s; 2] {
-    let rows = within(simd, ends);
+fn rows<S: Machine>(simd: S, rows: S::u32s) -> [S::u32s; 2] {
     let mut words = [rows, simd.wrapping_dyn_shr_u32s(rows, simd.splat_u32s(4))];
     for w in 0..2 {
         // Each of four bits to a byte of its own, and there eight times.

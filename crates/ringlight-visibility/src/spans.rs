@@ -1,7 +1,7 @@
-//! Where a facet's borders cross the rows of a grid of eight by eight cells: lanes are receivers.
+//! Where a facet's borders cross the rows of a square grid of cells: lanes are receivers.
 //!
 //! A function of the cells that is affine changes its sign at one place of each row, so a convex facet covers one span of
-//! cells in each: two shifts make eight bits, instead of as many comparisons with each border.
+//! cells in each: two shifts make the bits of a row, instead of a comparison of each cell with each border.
 
 #![allow(clippy::needless_range_loop, reason = "what iterators do to lanes is not inlined, and loses the vectors")]
 
@@ -10,10 +10,10 @@ use crate::kernel::Affine;
 use crate::lanes::Lanes;
 use crate::plan::Plan;
 
-/// What rounding may take from a place in a row, in cells: eight cells have a rounding of 2⁻²¹ and a few such are made.
+/// What rounding may take from a place in a row, in cells: numbers up to 8 are rounded by 2⁻²¹ or less, a few times.
 const PLACE_ROUNDING: f32 = 1.0 / 65536.0;
 
-/// Added to numbers of 0 to 8, leaves them rounded in the lowest bits.
+/// 2²³ · 1.5: added to numbers from 0 to 8, leaves them rounded in the lowest bits.
 const INTEGER: f32 = 12_582_912.0;
 
 /// The borders of a facet as places in rows, counted from the end of the row at which the cells outside are.
@@ -37,7 +37,7 @@ impl<S: Machine, const SIDE: usize, const N: usize> Spans<S, SIDE, N> {
         for f in 0..N {
             let Affine { base, u, v, .. } = functions[f];
             let slope = u * (1.0 / SIDE as f32);
-            // Of a band and a half, a ninth goes for slopes that are raised here, and the rest is for roundings.
+            // The bands are taken half as wide again: a ninth of one goes for the slopes that this raises, the rest is for rounding.
             let least = bands[f] * (1.0 / 64.0) + Lanes::splat(simd, f32::MIN_POSITIVE);
             let inverse = Lanes::splat(simd, 1.0) / slope.abs().max(least);
             let first = (base + plan.v[0] * v) + plan.u[0] * u;
@@ -58,7 +58,6 @@ impl<S: Machine, const SIDE: usize, const N: usize> Spans<S, SIDE, N> {
         for f in 0..N {
             at[f] = if certain { at[f] + self.half[f] } else { at[f] - self.half[f] };
         }
-        let row = simd.splat_u32s((1 << SIDE) - 1);
         let mut words = [simd.splat_u32s(0); 2];
         for j in 0..SIDE {
             let j_times = Lanes::splat(simd, j as f32);
@@ -68,9 +67,7 @@ impl<S: Machine, const SIDE: usize, const N: usize> Spans<S, SIDE, N> {
                 before = before.max(place).or(self.rising[f], before);
                 after = after.or(self.rising[f], after.max(place));
             }
-            let shifts = [integer::<S, SIDE>(simd, before), integer::<S, SIDE>(simd, after)];
-            let cells =
-                simd.and_u32s(simd.wrapping_dyn_shl_u32s(row, shifts[0]), simd.wrapping_dyn_shr_u32s(row, shifts[1]));
+            let cells = span::<S, SIDE>(simd, before, after);
             let cells = simd.wrapping_dyn_shl_u32s(cells, simd.splat_u32s((j * SIDE % 32) as u32));
             words[j * SIDE / 32] = simd.or_u32s(words[j * SIDE / 32], cells);
         }
@@ -78,9 +75,18 @@ impl<S: Machine, const SIDE: usize, const N: usize> Spans<S, SIDE, N> {
     }
 }
 
-/// The next whole number, up to 8, in the lowest five bits.
+/// A row's cells from this place on, up to the one as far from the last. Places are not negative; whole numbers must be off by
+/// [`PLACE_ROUNDING`] to be sure.
 #[inline(always)]
-fn integer<S: Machine, const SIDE: usize>(simd: S, place: Lanes<S>) -> S::u32s {
+pub(crate) fn span<S: Machine, const SIDE: usize>(simd: S, before: Lanes<S>, after: Lanes<S>) -> S::u32s {
+    let row = simd.splat_u32s((1 << SIDE) - 1);
+    let first = simd.wrapping_dyn_shl_u32s(row, whole::<S, SIDE>(simd, before));
+    simd.and_u32s(first, simd.wrapping_dyn_shr_u32s(row, whole::<S, SIDE>(simd, after)))
+}
+
+/// The next whole number, at most SIDE, in the lowest five bits.
+#[inline(always)]
+fn whole<S: Machine, const SIDE: usize>(simd: S, place: Lanes<S>) -> S::u32s {
     let nearest = (place + 0.5).min(Lanes::splat(simd, SIDE as f32)) + INTEGER;
     simd.transmute_u32s_f32s(nearest.value)
 }
