@@ -123,14 +123,14 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
                 while waiting != 0 {
                     let k = waiting.trailing_zeros() as usize % WIDTH;
                     waiting &= waiting - 1;
-                    if shadows.matters::<M, SIDE, false>(machine, plan, packet, within.at(k)) {
+                    if shadows.matters::<M, SIDE>(machine, plan, packet, within.at(k)) {
                         break 'next facets[k];
                     }
                 }
                 while children != 0 {
                     let i = children.trailing_zeros() as usize % WIDTH;
                     children &= children - 1;
-                    if !shadows.matters::<M, SIDE, true>(machine, plan, packet, boxes.at(i)) {
+                    if !shadows.matters::<M, SIDE>(machine, plan, packet, boxes.at(i)) {
                         continue;
                     }
                     match node.child[i].target() {

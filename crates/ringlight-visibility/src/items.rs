@@ -1,4 +1,4 @@
-//! What the hierarchy is built of: triangles, two of which may make a parallelogram, of which five or six may make a box.
+//! What the hierarchy is built of: triangles, two of which may make a parallelogram, of which four to six may make a box.
 //!
 //! What belongs together comes together in most scenes, so only neighbours in the given order are looked at.
 
@@ -30,7 +30,7 @@ impl Item {
     }
 }
 
-/// Of each triangle, whether it makes a parallelogram with the next one (of which it is [`SINGLE`], too, or the second).
+/// Of each triangle the number of [`parallelogram`] with the next one, or else [`SINGLE`], as of the second one.
 pub(crate) fn facets(triangles: &[Triangle]) -> Vec<u8> {
     let mut facets = vec![SINGLE; triangles.len()];
     let mut index = 0;
@@ -44,7 +44,7 @@ pub(crate) fn facets(triangles: &[Triangle]) -> Vec<u8> {
     facets
 }
 
-/// Neighbours that make a parallelogram, or five or six of them that make a box, are one item.
+/// Neighbours that make a parallelogram, or four to six of them that make a box, open or closed, are one item.
 pub(crate) fn items(triangles: &[Triangle], facets: &[u8]) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::with_capacity(triangles.len());
     let mut index = 0;
@@ -58,7 +58,7 @@ pub(crate) fn items(triangles: &[Triangle], facets: &[u8]) -> Vec<Item> {
     items
 }
 
-/// How many of the first triangles make five or six sides of a box; 0 if they do not.
+/// How many of the first triangles make four to six sides of a box; 0 if they do not.
 fn box_of(triangles: &[Triangle], facets: &[u8]) -> usize {
     let mut corners = ArrayVec::<Vector, 8>::new();
     let mut sides = 0;

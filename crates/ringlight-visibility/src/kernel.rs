@@ -185,7 +185,7 @@ impl<S: Machine> View<S> {
 
 /// Bit `k` of its word, in the lanes of the mask.
 #[inline(always)]
-pub(crate) fn bit_where<S: Machine>(simd: S, mask: S::m32s, k: usize) -> S::u32s {
+fn bit_where<S: Machine>(simd: S, mask: S::m32s, k: usize) -> S::u32s {
     simd.select_u32s(mask, simd.splat_u32s(1 << (k & 31)), simd.splat_u32s(0))
 }
 

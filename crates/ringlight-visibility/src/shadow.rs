@@ -13,7 +13,6 @@
 use crate::Triangle;
 use crate::build::WIDTH;
 use crate::instruction_set::Machine;
-use crate::kernel::bit_where;
 use crate::lanes::{Lanes, any, dot, from_point, minus, nonzero, norm, splat};
 use crate::packet::{PACKET, Packet};
 use crate::plan::Plan;
@@ -169,10 +168,9 @@ impl Shadows {
         shadows
     }
 
-    /// Whether the shadow of a box, in the grid's coordinates, may hold a cell that a receiver still sees. Of sixteen cells it is
-    /// asked `CLOSELY`, too, whether they lie in the box's directions; that pays where much is in the box.
+    /// Whether the shadow of a box, in the grid's coordinates, may hold a cell that a receiver still sees.
     #[inline(always)]
-    pub fn matters<S: Machine, const SIDE: usize, const CLOSELY: bool>(
+    pub fn matters<S: Machine, const SIDE: usize>(
         &self,
         simd: S,
         plan: &Plan,
@@ -184,13 +182,13 @@ impl Shadows {
         }
         let mut matters = false;
         for chunk in 0..PACKET / S::F32_LANES {
-            matters |= self.chunk_matters::<S, SIDE, CLOSELY>(simd, plan, packet, low, high, chunk);
+            matters |= self.chunk_matters::<S, SIDE>(simd, plan, packet, low, high, chunk);
         }
         matters
     }
 
     #[inline(always)]
-    fn chunk_matters<S: Machine, const SIDE: usize, const CLOSELY: bool>(
+    fn chunk_matters<S: Machine, const SIDE: usize>(
         &self,
         simd: S,
         plan: &Plan,
@@ -243,46 +241,9 @@ impl Shadows {
                 hidden[w] = simd.and_u32s(hidden[w], lines[w]);
             }
         }
-        let mut left = simd.and_m32s(inside, nonzero(simd, simd.or_u32s(hidden[0], hidden[1])));
-        if CLOSELY && SIDE == 4 && any(simd, left) {
-            let beside = beside::<S, SIDE>(simd, below, above, over);
-            for w in 0..2 {
-                hidden[w] = simd.and_u32s(hidden[w], beside[w]);
-            }
-            left = simd.and_m32s(inside, nonzero(simd, simd.or_u32s(hidden[0], hidden[1])));
-        }
+        let left = simd.and_m32s(inside, nonzero(simd, simd.or_u32s(hidden[0], hidden[1])));
         any(simd, left)
     }
-}
-
-/// The cells that lie in a direction from the receiver in which the box does, as seen along the grid's normal; or in the
-/// opposite one.
-#[inline(always)]
-fn beside<S: Machine, const SIDE: usize>(
-    simd: S,
-    below: [Lanes<S>; 2],
-    above: [Lanes<S>; 2],
-    over: [Lanes<S>; 2],
-) -> [S::u32s; 2] {
-    let slack = (below[0].abs().max(above[0].abs()) + below[1].abs().max(above[1].abs())) * LATTICE_ROUNDING;
-    let (mut least, mut most) = ([slack; SIDE], [slack; SIDE]);
-    for i in 0..SIDE {
-        let u = Lanes::splat(simd, i as f32) - over[0];
-        let (p, q) = (u * below[1], u * above[1]);
-        (least[i], most[i]) = (p.min(q) - slack, p.max(q) + slack);
-    }
-    let mut words = [simd.splat_u32s(0); 2];
-    for j in 0..SIDE {
-        let v = Lanes::splat(simd, j as f32) - over[1];
-        let (p, q) = (v * below[0], v * above[0]);
-        let (low, high) = (p.min(q), p.max(q));
-        for i in 0..SIDE {
-            let k = j * SIDE + i;
-            let pass = simd.and_m32s(high.at_least(least[i]), most[i].at_least(low));
-            words[k / 32] = simd.or_u32s(words[k / 32], bit_where(simd, pass, k));
-        }
-    }
-    words
 }
 
 /// The cells of column (axis 0) or row (axis 1) `k` in a square grid that takes one word.
