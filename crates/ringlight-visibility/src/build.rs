@@ -2,18 +2,15 @@
 //!
 //! Every choice depends on the triangles and their order alone, so the result is the same for any number of threads.
 
+use crate::items::{Item, facets, items};
 use crate::predicate::Vector;
-use crate::sieve::parallelogram;
 use crate::{Triangle, predicate};
 
 /// Children of a node: as many as the widest register has lanes.
 pub(crate) const WIDTH: usize = 16;
 
-/// Most facets in a leaf where the heuristic may choose.
-const LEAF: usize = 4;
-
-/// Most triangles in a leaf where the alternative is a node with hardly any children.
-const LARGE_LEAF: usize = 4;
+/// Most triangles in a leaf, unless it is one item.
+const LEAF: u32 = 4;
 
 const BINS: usize = 16;
 
@@ -73,7 +70,7 @@ impl Bounds {
     pub const EMPTY: Bounds = Bounds { low: [f32::INFINITY; 3], high: [f32::NEG_INFINITY; 3] };
 
     #[inline(always)]
-    fn join(&mut self, other: &Bounds) {
+    pub fn join(&mut self, other: &Bounds) {
         // Not `f32::min` and `max`, which look for NaN.
         for i in 0..3 {
             self.low[i] = if other.low[i] < self.low[i] { other.low[i] } else { self.low[i] };
@@ -85,31 +82,6 @@ impl Bounds {
     fn half_area(&self) -> f32 {
         let [x, y, z] = predicate::sub(self.high, self.low);
         if x < 0.0 { 0.0 } else { x * y + y * z + z * x }
-    }
-}
-
-/// A triangle on its way into the tree.
-#[derive(Clone, Copy)]
-struct Item {
-    bounds: Bounds,
-    /// Of its first triangle, as given.
-    index: u32,
-    /// [`SINGLE`], or [`parallelogram`] with the next one.
-    facet: u8,
-}
-
-/// A triangle that is a facet of its own; other numbers are those of [`parallelogram`].
-pub(crate) const SINGLE: u8 = 3;
-
-impl Item {
-    fn triangles(&self) -> usize {
-        if self.facet == SINGLE { 1 } else { 2 }
-    }
-
-    /// Twice the centre.
-    #[inline(always)]
-    fn centre(&self, axis: usize) -> f32 {
-        self.bounds.low[axis] + self.bounds.high[axis]
     }
 }
 
@@ -144,6 +116,11 @@ struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
+    /// Whether it may be a leaf.
+    fn is_small(&self) -> bool {
+        self.items.len() <= LEAF as usize && self.items.iter().map(|item| item.triangles).sum::<u32>() <= LEAF
+    }
+
     fn new(items: &'a mut [Item], extent: Extent, first: usize, depth: usize) -> Part<'a> {
         Part { whole: items.len() <= 1, items, first, extent, depth }
     }
@@ -177,7 +154,8 @@ impl Extent {
 /// whether it makes a parallelogram with the next one, see [`SINGLE`].
 pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds, Vec<u8>) {
     assert!(triangles.len() <= Child::MOST, "a hierarchy holds at most {} triangles", Child::MOST);
-    let mut items = items(triangles);
+    let facets = facets(triangles);
+    let mut items = items(triangles, &facets);
     if items.is_empty() {
         return (Vec::new(), Bounds::EMPTY, Vec::new());
     }
@@ -189,35 +167,18 @@ pub(crate) fn build(triangles: &mut [Triangle]) -> (Vec<Node>, Bounds, Vec<u8>) 
         inner => inner,
     };
     // Exactly as many as there are: vectors that grow hold twice as much.
-    let (mut facets, mut order) = (Vec::with_capacity(triangles.len()), Vec::with_capacity(triangles.len()));
+    let mut order = Vec::with_capacity(triangles.len());
     let mut firsts = Vec::with_capacity(items.len() + 1);
     for item in items {
         firsts.push(order.len() as u32);
-        order.extend(item.index..item.index + item.triangles() as u32);
-        facets.resize(order.len(), item.facet);
+        order.extend(item.index..item.index + item.triangles);
     }
     firsts.push(order.len() as u32);
+    let facets = order.iter().map(|&index| facets[index as usize]).collect();
     reorder(triangles, order);
     let mut nodes = Vec::with_capacity(tree.inner_nodes());
     flatten(&tree, &firsts, &mut nodes);
     (nodes, bounds, facets)
-}
-
-/// Neighbours that make a parallelogram are one item.
-fn items(triangles: &[Triangle]) -> Vec<Item> {
-    let mut items: Vec<Item> = Vec::with_capacity(triangles.len());
-    let mut index = 0;
-    while index < triangles.len() {
-        let mut bounds = around(&triangles[index]);
-        let apex = triangles.get(index + 1).and_then(|next| parallelogram(&triangles[index], next));
-        if apex.is_some() {
-            bounds.join(&around(&triangles[index + 1]));
-        }
-        let item = Item { bounds, index: index as u32, facet: apex.unwrap_or(SINGLE) };
-        index += item.triangles();
-        items.push(item);
-    }
-    items
 }
 
 /// Puts the triangles in this order, in place, cycle by cycle of the permutation.
@@ -235,12 +196,6 @@ fn reorder(triangles: &mut [Triangle], mut order: Vec<u32>) {
             here = from;
         }
     }
-}
-
-fn around(t: &Triangle) -> Bounds {
-    let mut bounds = Bounds::EMPTY;
-    t.corners.iter().for_each(|&c| bounds.join(&Bounds { low: c, high: c }));
-    bounds
 }
 
 /// Splits the costliest part until there are WIDTH of them, then grows each, in parallel.
@@ -284,9 +239,7 @@ fn grow_all(mut parts: Vec<Part>) -> Vec<Tree> {
 }
 
 fn grow_one(part: Part) -> Tree {
-    if part.whole
-        || part.items.len() <= LARGE_LEAF && part.items.iter().map(Item::triangles).sum::<usize>() <= LARGE_LEAF
-    {
+    if part.whole || part.is_small() {
         Tree::Leaf(part.extent.bounds, part.first, part.items.len())
     } else {
         grow(part)
@@ -334,7 +287,7 @@ fn split(mut part: Part<'_>) -> Result<(Part<'_>, Part<'_>), Part<'_>> {
     let (cost, axis, border) = best;
     let keep = part.extent.bounds.half_area() * count as f32;
     // A child costs a share of a node's test, about a quarter of a triangle's.
-    if count <= LEAF && (!cost.is_finite() || cost + 0.5 * part.extent.bounds.half_area() >= keep) {
+    if part.is_small() && (!cost.is_finite() || cost + 0.5 * part.extent.bounds.half_area() >= keep) {
         part.whole = true;
         return Err(part);
     }

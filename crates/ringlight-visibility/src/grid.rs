@@ -8,8 +8,9 @@ use std::cell::Cell;
 
 use arrayvec::ArrayVec;
 
-use crate::build::{SINGLE, STACK, Target, WIDTH};
+use crate::build::{STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
+use crate::items::SINGLE;
 use crate::mask::{Clear, Test, in_packets, pack};
 use crate::packet::{PACKET, Packet};
 use crate::plan::Plan;
@@ -20,7 +21,7 @@ use crate::sieve::{Facet, Frame, Sifted, sift};
 use crate::{Hierarchy, NO_PLANE, OPAQUE, Tally};
 
 /// Facets that are looked at first.
-const REMEMBERED: usize = 8;
+const REMEMBERED: usize = 12;
 
 const NONE: u32 = u32::MAX;
 
@@ -30,20 +31,19 @@ const NONE: u32 = u32::MAX;
 struct Blockers {
     hierarchy: u64,
     index: [u32; REMEMBERED],
-    next: usize,
 }
 
 thread_local! {
     static BLOCKERS: Cell<Blockers> =
-        const { Cell::new(Blockers { hierarchy: u64::MAX, index: [NONE; REMEMBERED], next: 0 }) };
+        const { Cell::new(Blockers { hierarchy: u64::MAX, index: [NONE; REMEMBERED] }) };
 }
 
 impl Blockers {
+    /// Puts it first.
     fn note(&mut self, index: u32) {
-        if !self.index.contains(&index) {
-            self.index[self.next % REMEMBERED] = index;
-            self.next = (self.next + 1) % REMEMBERED;
-        }
+        let place = self.index.iter().position(|&known| known == index).unwrap_or(REMEMBERED - 1);
+        self.index.copy_within(0..place, 1);
+        self.index[0] = index;
     }
 }
 
@@ -175,6 +175,9 @@ impl<const SIDE: usize> Task for Descent<'_, '_, SIDE> {
             let looked = search.look::<M, SIDE>(machine, packet, &frame, index);
             // What is remembered depends on what the thread did before; counts must not.
             search.tested |= looked.cleared || met && looked.tested;
+            if looked.cleared && packet.unfinished(machine) == 0 {
+                return;
+            }
         }
     }
 }

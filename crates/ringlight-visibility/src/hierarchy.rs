@@ -2,7 +2,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::build::{Bounds, Node, SINGLE, build};
+use crate::build::{Bounds, Node, build};
+use crate::items::SINGLE;
 use crate::plan::Plan;
 use crate::predicate::is_sliver;
 use crate::{Filter, InstructionSet, OPAQUE, Points, PreparedShooter, Shooter, Triangle, mask, nearest};

@@ -14,6 +14,7 @@ mod build;
 mod grid;
 mod hierarchy;
 mod instruction_set;
+mod items;
 mod kernel;
 mod lanes;
 mod mask;
@@ -28,6 +29,7 @@ mod shaft;
 mod shaft_region;
 mod shooter;
 mod sieve;
+mod spans;
 mod triangle;
 
 pub use boxes::Boxes;

@@ -2,9 +2,10 @@
 
 use arrayvec::ArrayVec;
 
-use crate::build::{SINGLE, STACK, Target, WIDTH};
+use crate::build::{STACK, Target, WIDTH};
 use crate::grid::OverGrid;
 use crate::instruction_set::{Machine, Task};
+use crate::items::SINGLE;
 use crate::packet::{Candidate, PACKET, Packet};
 use crate::plan::Plan;
 use crate::predicate::Prepared;

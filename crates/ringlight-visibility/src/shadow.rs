@@ -17,6 +17,7 @@ use crate::lanes::{Lanes, any, dot, from_point, minus, nonzero, norm, splat};
 use crate::packet::{PACKET, Packet};
 use crate::plan::Plan;
 use crate::predicate::{SHAFT_MARGIN, Vector, cross, dot as product, norm as length, sub};
+use crate::spans::span;
 
 /// Share of the lengths involved that rounding may take, with plenty to spare.
 const ROUNDING: f32 = 1.0 / 65536.0;
@@ -215,17 +216,16 @@ impl Shadows {
             let from = (below[i] * by_near).min(below[i] * by_far) + (over[i] - LATTICE_ROUNDING);
             let to = (above[i] * by_near).max(above[i] * by_far) + (over[i] + LATTICE_ROUNDING);
             let mut lines = [simd.splat_u32s(0); 2];
-            if SIDE > 0 {
+            if SIDE == 8 {
+                let zero = Lanes::splat(simd, 0.0);
+                let span = span::<S, SIDE>(simd, from.max(zero), (Lanes::splat(simd, 7.0) - to).max(zero));
+                lines = if i == 0 { columns(simd, span) } else { rows(simd, span) };
+            } else if SIDE > 0 {
                 for k in 0..SIDE {
                     let at = Lanes::splat(simd, k as f32);
                     let hides = simd.and_m32s(at.at_least(from), to.at_least(at));
-                    // Rows of eight take both words.
-                    let here = if i == 0 || SIDE < 8 { 0 } else { k / 4 };
                     let cells = simd.splat_u32s(cells_of_line::<SIDE>(i, k));
-                    lines[here] = simd.or_u32s(lines[here], simd.select_u32s(hides, cells, simd.splat_u32s(0)));
-                }
-                if i == 0 && SIDE == 8 {
-                    lines[1] = lines[0];
+                    lines[0] = simd.or_u32s(lines[0], simd.select_u32s(hides, cells, simd.splat_u32s(0)));
                 }
             } else {
                 for line in plan.lines[i].as_slice() {
@@ -246,14 +246,32 @@ impl Shadows {
     }
 }
 
-/// The cells of column (axis 0) or row (axis 1) `k` in a square grid; of a row, in its word.
+/// The cells of column (axis 0) or row (axis 1) `k` in a square grid that takes one word.
 const fn cells_of_line<const SIDE: usize>(axis: usize, k: usize) -> u32 {
-    let rows_in_word = if SIDE == 8 { 4 } else { SIDE };
     let mut cells = 0;
     let mut i = 0;
-    while i < if axis == 0 { rows_in_word } else { SIDE } {
-        cells |= 1 << if axis == 0 { i * SIDE + k } else { (k % rows_in_word) * SIDE + i };
+    while i < SIDE {
+        cells |= 1 << if axis == 0 { i * SIDE + k } else { k * SIDE + i };
         i += 1;
     }
     cells
+}
+
+/// The cells of some of eight columns.
+#[inline(always)]
+fn columns<S: Machine>(simd: S, columns: S::u32s) -> [S::u32s; 2] {
+    [simd.mul_u32s(columns, simd.splat_u32s(0x0101_0101)); 2]
+}
+
+/// The cells of some of eight rows.
+#[inline(always)]
+fn rows<S: Machine>(simd: S, rows: S::u32s) -> [S::u32s; 2] {
+    let mut words = [rows, simd.wrapping_dyn_shr_u32s(rows, simd.splat_u32s(4))];
+    for w in 0..2 {
+        // Each of four bits to a byte of its own, and there eight times.
+        let four = simd.and_u32s(words[w], simd.splat_u32s(0xf));
+        let apart = simd.and_u32s(simd.mul_u32s(four, simd.splat_u32s(0x0020_4081)), simd.splat_u32s(0x0101_0101));
+        words[w] = simd.mul_u32s(apart, simd.splat_u32s(0xff));
+    }
+    words
 }

@@ -17,6 +17,7 @@ use crate::lanes::{self, LaneVector, Lanes, any, dot, dot_plus, from_point, minu
 use crate::packet::{PACKET, Packet, words_of};
 use crate::plan::Plan;
 use crate::predicate::{GRAZING, ROUNDING, Vector, cross, dot as product, norm as length, sub};
+use crate::spans::Spans;
 use crate::{NO_PLANE, Triangle};
 
 /// Bound on the error of the functions here, relative to longest · (|v|+|x|+longest) · reach: the third is the sum of three
@@ -55,7 +56,7 @@ pub(crate) struct Facet {
 }
 
 impl Facet {
-    /// The triangle; with `other`, the parallelogram that both make. See [`parallelogram`] for `corners`.
+    /// The triangle; with `other`, the parallelogram that both make. See [`crate::items::parallelogram`] for `corners`.
     #[inline(always)]
     pub fn new(plan: &Plan, triangle: &Triangle, corners: u8, other: Option<&Triangle>) -> Facet {
         let [corner, b, c] = match corners & 3 {
@@ -96,26 +97,6 @@ impl Facet {
             plane: triangle.plane,
         }
     }
-}
-
-/// Whether the two triangles are one facet, a parallelogram in one plane: the number of the corner that only the first
-/// one has, and four times the number of the one that only the second one has.
-pub(crate) fn parallelogram(a: &Triangle, b: &Triangle) -> Option<u8> {
-    if a.plane != b.plane || a.filter != crate::OPAQUE || b.filter != crate::OPAQUE {
-        return None;
-    }
-    let only_first = (0..3).find(|&i| !b.corners.contains(&a.corners[i]))?;
-    let shared = [a.corners[(only_first + 1) % 3], a.corners[(only_first + 2) % 3]];
-    if !shared.iter().all(|c| b.corners.contains(c)) {
-        return None;
-    }
-    let only_second = (0..3).find(|&i| !shared.contains(&b.corners[i]))?;
-    let fourth = b.corners[only_second];
-    let corner = a.corners[only_first];
-    let (e, g) = (sub(shared[0], corner), sub(shared[1], corner));
-    let off = sub(sub(fourth, corner), [e[0] + g[0], e[1] + g[1], e[2] + g[2]]);
-    let longest = length(e).max(length(g));
-    (length(off) <= FLAT * longest).then_some((only_first | only_second << 2) as u8)
 }
 
 /// What depends on receivers and grid alone: x, x×U and x×W seen from the grid's corner.
@@ -212,13 +193,8 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
         w: zero,
     };
     let depth_band = (across + reach) * (THEIRS * facet.longest * facet.longest);
-    let depth = Affine {
-        base: (rise.base * plan.far - distance) + depth_band,
-        u: rise.u * plan.far,
-        v: rise.v * plan.far,
-        w: zero,
-    };
-    let [bottom, top] = depth.bounds::<0>(simd, plan);
+    let depth = Affine { base: rise.base * plan.far - distance, u: rise.u * plan.far, v: rise.v * plan.far, w: zero };
+    let [bottom, top] = depth.plus(depth_band).bounds::<0>(simd, plan);
     let mut open = simd.and_m32s(alive, simd.or_m32s(unsure, top.not_negative()));
     if !any(simd, open) {
         return;
@@ -237,11 +213,11 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
     };
     let (third, fourth) =
         if QUAD { (rise.less(first), rise.less(second)) } else { (rise.less(first).less(second), rise) };
-    let functions = [first.plus(band), second.plus(band), third.plus(band), fourth.plus(band)];
+    let functions = [first, second, third, fourth];
     let mut possible = simd.and_m32s(open, top.not_negative());
     let count = if QUAD { 4 } else { 3 };
     for f in 0..count {
-        let [_, top] = functions[f].bounds::<0>(simd, plan);
+        let [_, top] = functions[f].plus(band).bounds::<0>(simd, plan);
         possible = simd.and_m32s(possible, top.not_negative());
     }
     open = simd.or_m32s(possible, unsure);
@@ -250,20 +226,21 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
     }
     let none = simd.splat_u32s(0);
     let [a, b, c, d] = functions;
+    let wanted = Wanted {
+        possible: [simd.select_u32s(possible, masks[0], none), simd.select_u32s(possible, masks[1], none)],
+        unsure: [simd.select_u32s(unsure, masks[0], none), simd.select_u32s(unsure, masks[1], none)],
+    };
     // Where a cell may lie before the facet, depth is one function more.
-    let twice = depth_band + depth_band;
-    let crossing = any(simd, simd.and_m32s(possible, (bottom - twice).below(zero)));
-    let mut maybe = cells::<S, SIDE, QUAD>(simd, plan, [a, b, c, d], depth, crossing);
-    for w in 0..words_of(SIDE) {
-        maybe[w] = simd.and_u32s(masks[w], simd.select_u32s(possible, maybe[w], none));
-        maybe[w] = simd.or_u32s(maybe[w], simd.and_u32s(masks[w], simd.select_u32s(unsure, masks[w], none)));
-    }
-    if !any(simd, nonzero(simd, simd.or_u32s(maybe[0], maybe[1]))) {
-        return;
-    }
-    let off = band + band;
-    let functions = [a.minus(off), b.minus(off), c.minus(off), d.minus(off)];
-    let mut sure = cells::<S, SIDE, QUAD>(simd, plan, functions, depth.minus(twice), crossing);
+    let found = match (QUAD, any(simd, simd.and_m32s(possible, (bottom - (depth_band + depth_band)).below(zero)))) {
+        (true, true) => {
+            let bands = [band, band, band, band, depth_band];
+            cells::<S, SIDE, 5>(simd, plan, [a, b, c, d, depth], bands, wanted)
+        }
+        (true, false) => cells::<S, SIDE, 4>(simd, plan, functions, [band; 4], wanted),
+        (false, true) => cells::<S, SIDE, 4>(simd, plan, [a, b, c, depth], [band, band, band, depth_band], wanted),
+        (false, false) => cells::<S, SIDE, 3>(simd, plan, [a, b, c], [band; 3], wanted),
+    };
+    let Some([maybe, mut sure]) = found else { return };
     let certain = simd.not_m32s(unsure);
     // Where the receiver grazes the facet, which of a parallelogram's triangles is hit must be certain, too.
     if QUAD {
@@ -296,19 +273,43 @@ fn opposite(a: Vector) -> Vector {
     [-a[0], -a[1], -a[2]]
 }
 
-/// The cells inside a facet's borders, and if it is `crossing` the cells' plane, behind it.
+/// Cells that receivers still see, where the functions decide and where they do not.
+struct Wanted<S: Machine> {
+    possible: [S::u32s; 2],
+    unsure: [S::u32s; 2],
+}
+
+/// The cells for which no function is negative: those that may be or are unsure, and those that are for certain; `None` if no
+/// cell may be.
 #[inline(always)]
-fn cells<S: Machine, const SIDE: usize, const QUAD: bool>(
+fn cells<S: Machine, const SIDE: usize, const N: usize>(
     simd: S,
     plan: &Plan,
-    [a, b, c, d]: [Affine<S>; 4],
-    depth: Affine<S>,
-    crossing: bool,
-) -> [S::u32s; 2] {
-    match (QUAD, crossing) {
-        (true, true) => words::<S, 0, SIDE, 5>(simd, plan, [a, b, c, d, depth]),
-        (true, false) => words::<S, 0, SIDE, 4>(simd, plan, [a, b, c, d]),
-        (false, true) => words::<S, 0, SIDE, 4>(simd, plan, [a, b, c, depth]),
-        (false, false) => words::<S, 0, SIDE, 3>(simd, plan, [a, b, c]),
+    functions: [Affine<S>; N],
+    bands: [Lanes<S>; N],
+    wanted: Wanted<S>,
+) -> Option<[[S::u32s; 2]; 2]> {
+    let spans = if SIDE > 0 { Some(Spans::<S, SIDE, N>::new(simd, plan, functions, bands)) } else { None };
+    let mut shifted = functions;
+    for f in 0..N {
+        shifted[f] = functions[f].plus(bands[f]);
     }
+    let mut maybe = match &spans {
+        Some(spans) => spans.words(simd, false),
+        None => words::<S, 0, SIDE, N>(simd, plan, shifted),
+    };
+    for w in 0..2 {
+        maybe[w] = simd.or_u32s(simd.and_u32s(maybe[w], wanted.possible[w]), wanted.unsure[w]);
+    }
+    if !any(simd, nonzero(simd, simd.or_u32s(maybe[0], maybe[1]))) {
+        return None;
+    }
+    for f in 0..N {
+        shifted[f] = functions[f].minus(bands[f]);
+    }
+    let sure = match &spans {
+        Some(spans) => spans.words(simd, true),
+        None => words::<S, 0, SIDE, N>(simd, plan, shifted),
+    };
+    Some([maybe, sure])
 }

@@ -72,7 +72,7 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
     let mut pairs = Vec::new();
     while made.len() < count {
         let a = random.vector();
-        match random.below(11) {
+        match random.below(12) {
             // A soup of all sizes.
             0 | 1 => {
                 let size = 10f32.powi(-(random.below(3) as i32));
@@ -104,6 +104,12 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
             7 => {
                 let flat = |p: Vector| [p[0], p[1], 0.125];
                 made.push([flat(a), flat(random.vector()), flat(random.vector())]);
+            }
+            11 => {
+                for pair in box_sides(random, a) {
+                    pairs.push(made.len() + 1);
+                    made.extend(pair);
+                }
             }
             // Parallelograms, cut along either diagonal: on a lattice, anywhere, thin, and not quite flat.
             kind => {
@@ -144,6 +150,49 @@ pub fn triangles(random: &mut Random, place: Place, count: usize, filters: usize
         triangles[second].plane = triangles[second - 1].plane;
     }
     triangles
+}
+
+/// The sides of a box, two triangles each: five or six of them, or fewer; upright, turned or askew, thick or thin, and
+/// some not quite closed or not quite a box.
+pub fn box_sides(random: &mut Random, a: Vector) -> Vec<[[Vector; 3]; 2]> {
+    let lattice = random.below(3) == 0;
+    let a = if lattice { random.lattice() } else { a };
+    let size = [1.0, 1.0, 0.1][random.below(3)];
+    let thick: Vector =
+        std::array::from_fn(|_| if lattice { 0.25 } else { size * 10f32.powi(-(random.below(3) as i32)) });
+    let (sine, cosine) = (3.0 * random.signed()).sin_cos();
+    let askew = random.below(4) == 0;
+    let edges: [Vector; 3] = std::array::from_fn(|axis| match (lattice, axis) {
+        _ if askew => random.vector().map(|c| c * thick[axis]),
+        (false, 0) => [cosine, sine, 0.0].map(|c| c * thick[0]),
+        (false, 1) => [-sine, cosine, 0.0].map(|c| c * thick[1]),
+        _ => std::array::from_fn(|i| if i == axis { thick[axis] } else { 0.0 }),
+    });
+    let mut corners: [Vector; 8] =
+        std::array::from_fn(|k| (0..3).fold(a, |p, axis| add(p, edges[axis], (k >> axis & 1) as f32)));
+    if random.below(4) == 0 {
+        let moved = random.below(8);
+        corners[moved] = add(corners[moved], random.vector(), 10f32.powi(-3 - random.below(5) as i32));
+    }
+    let mut sides = vec![[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    for i in (1..6).rev() {
+        sides.swap(i, random.below(i + 1));
+    }
+    sides.truncate([4, 5, 5, 6, 6, 6][random.below(6)]);
+    let mut made = Vec::new();
+    for side in sides {
+        let [a, b, c, d] = std::array::from_fn(|i| corners[side[i]]);
+        let mut pair = if random.below(2) == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] };
+        pair[0].rotate_left(random.below(3));
+        pair[1].rotate_left(random.below(3));
+        // A corner that is stored twice, not quite in one place.
+        if random.below(24) == 0 {
+            let corner = &mut pair[random.below(2)][random.below(3)];
+            *corner = add(*corner, random.vector(), 10f32.powi(-3 - random.below(5) as i32));
+        }
+        made.push(pair);
+    }
+    made
 }
 
 pub fn filters(random: &mut Random) -> Vec<Filter> {
