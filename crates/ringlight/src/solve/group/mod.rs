@@ -28,7 +28,7 @@ use std::sync::Arc;
 const ROUNDS: [f32; 2] = [8.0, 1.0];
 
 /// Error that one link may have, as a share of that which all together may have: hundreds of them err both ways.
-const OF_ONE: f32 = 0.4;
+const OF_ONE: f32 = 0.1;
 
 /// Receivers whose own light is less than this share of the median are treated as if they had that.
 const FLOOR: f32 = 0.02;
