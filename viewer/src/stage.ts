@@ -1,0 +1,140 @@
+// What is seen: the scene from the eye, drawn when something has changed.
+
+import * as THREE from "three";
+import { Batches } from "./batches.js";
+import { quantityNumber, type Quantity } from "./material.js";
+import { Navigation } from "./navigation.js";
+import type { Rgb } from "./protocol.js";
+import { turboTexture, type Scale } from "./scales.js";
+import type { World } from "./world.js";
+
+/** Size of the pictures by which a first view is chosen, pixels. */
+const TRIAL = { width: 64, height: 40 };
+
+export class Stage {
+  readonly batches = new Batches();
+  readonly navigation: Navigation;
+  private readonly renderer: THREE.WebGLRenderer;
+  private readonly under = new THREE.WebGLRenderTarget(1, 1);
+  private stale = true;
+  /** Pictures drawn so far. */
+  drawn = 0;
+
+  constructor(private readonly canvas: HTMLCanvasElement) {
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    // Materials write what the screen shows.
+    this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
+    this.renderer.setClearColor(0x000000);
+    this.navigation = new Navigation(canvas, () => this.invalidate());
+    this.batches.material.uniforms.colours!.value = turboTexture();
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+    this.renderer.setAnimationLoop((now) => this.frame(now));
+  }
+
+  /** Something is to be drawn anew. */
+  invalidate(): void {
+    this.stale = true;
+  }
+
+  set(values: {
+    quantity?: Quantity;
+    exposure?: number;
+    filmic?: boolean;
+    ambient?: Rgb;
+    wires?: number;
+    scale?: Scale;
+    sky?: Rgb;
+  }): void {
+    const u = this.batches.material.uniforms;
+    if (values.quantity !== undefined) u.quantity!.value = quantityNumber(values.quantity);
+    if (values.exposure !== undefined) u.exposure!.value = values.exposure;
+    if (values.filmic !== undefined) u.filmic!.value = values.filmic;
+    if (values.ambient) (u.ambient!.value as THREE.Vector3).set(...values.ambient);
+    if (values.wires !== undefined) u.wires!.value = values.wires;
+    if (values.scale) {
+      const { low, high, logarithmic } = values.scale;
+      (u.scale!.value as THREE.Vector3).set(low, high, logarithmic ? 1 : 0);
+    }
+    if (values.sky) this.renderer.setClearColor(new THREE.Color(...values.sky));
+    this.invalidate();
+  }
+
+  /** The number under a place of the canvas, in its own pixels; 0 for nothing. */
+  numberAt(x: number, y: number): number {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const { camera } = this.navigation;
+    camera.setViewOffset(width, height, x, y, 1, 1);
+    const [number] = this.numbers(1, 1);
+    camera.clearViewOffset();
+    return number ?? 0;
+  }
+
+  /** Numbers of the elements that are seen, for each pixel of a small picture. */
+  private numbers(width: number, height: number): Uint32Array {
+    this.under.setSize(width, height);
+    const colour = this.renderer.getClearColor(new THREE.Color());
+    this.renderer.setRenderTarget(this.under);
+    this.renderer.setClearColor(0x000000, 0);
+    this.renderer.clear();
+    this.batches.drawNumbers(this.renderer, this.navigation.camera);
+    const bytes = new Uint8Array(4 * width * height);
+    this.renderer.readRenderTargetPixels(this.under, 0, 0, width, height, bytes);
+    this.renderer.setRenderTarget(null);
+    this.renderer.setClearColor(colour, 1);
+    return new Uint32Array(bytes.buffer);
+  }
+
+  /** Chooses a view that shows much of what is lit: from inside of a closed room, from outside of anything else. */
+  chooseView(world: World): void {
+    const [low, high] = world.hello.bounds.map((c) => new THREE.Vector3(...c)) as [THREE.Vector3, THREE.Vector3];
+    const at = (x: number, y: number, z: number) =>
+      new THREE.Vector3(x, y, z).multiply(high.clone().sub(low)).add(low);
+    const middle = at(0.5, 0.42, 0.5);
+    const views: { eye: THREE.Vector3; fov: number; worth: number }[] = [];
+    for (const [x, z] of [[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 1], [0.5, 0], [0, 0.5], [1, 0.5]] as const) {
+      views.push({ eye: at(0.5 + (x - 0.5) * 0.86, 0.55, 0.5 + (z - 0.5) * 0.86), fov: 65, worth: 0 });
+      const away = at(x, 0.8, z).sub(middle);
+      const side = high.distanceTo(low);
+      views.push({ eye: middle.clone().addScaledVector(away.normalize(), side * 1.15), fov: 45, worth: 0 });
+    }
+    for (const view of views) {
+      this.navigation.look(view.eye, middle, view.fov);
+      this.navigation.camera.updateMatrixWorld();
+      const lit = new Set<number>();
+      let pixels = 0;
+      for (const number of this.numbers(TRIAL.width, TRIAL.height)) {
+        const found = this.batches.elementAt(number);
+        const cluster = found && world.clusters[found.cluster];
+        if (!cluster || !(cluster.irradiance[3 * found.k]! > 0 || cluster.emission.has(found.k))) continue;
+        pixels++;
+        lit.add(number);
+      }
+      view.worth = pixels + 2 * lit.size;
+    }
+    const best = views.reduce((a, b) => (b.worth > a.worth ? b : a));
+    this.navigation.look(best.eye, middle, best.fov);
+  }
+
+  /** The present picture, as a file. */
+  picture(): Promise<Blob | null> {
+    this.renderer.render(this.batches.scene, this.navigation.camera);
+    return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.navigation.resize(width, height);
+    this.invalidate();
+  }
+
+  private frame(now: number): void {
+    this.navigation.advance(now);
+    if (!this.stale) return;
+    this.stale = false;
+    this.renderer.render(this.batches.scene, this.navigation.camera);
+    this.drawn++;
+  }
+}
