@@ -2,14 +2,24 @@
 // is out of sight is left out.
 
 import * as THREE from "three";
-import { pickMaterial, surfaceMaterial } from "./material.js";
+import { fillMaterial, pickMaterial, surfaceMaterial } from "./material.js";
+import { COVERED } from "./protocol.js";
 import { ROW, type Cluster, type World } from "./world.js";
 
 /** Elements of a batch: so that sixteen bits tell its corners apart. */
 const MOST_ELEMENTS = 16384;
 
+/** Pixels by which gaps are filled. */
+const OVERLAP = 0.7;
+
 /** Bit of the joint's upper byte: the element is a triangle. */
 const TRIANGLE = 16;
+
+/** An element: its cluster, and its number in it. */
+export interface Seen {
+  cluster: number;
+  k: number;
+}
 
 interface Batch {
   mesh: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
@@ -21,6 +31,7 @@ interface Batch {
 export class Batches {
   readonly scene = new THREE.Scene();
   readonly material = surfaceMaterial();
+  private readonly filling = fillMaterial(this.material);
   private readonly picking = pickMaterial();
   private batches: Batch[] = [];
   private texture: THREE.DataTexture | null = null;
@@ -87,20 +98,22 @@ export class Batches {
     const positions = new Float32Array(3 * corners);
     const joints = new Uint32Array(corners);
     const colours = new Uint8Array(4 * corners);
+    const outward = new Int8Array(4 * corners);
     const index = count > MOST_ELEMENTS ? new Uint32Array(6 * count) : new Uint16Array(6 * count);
     const parts = clusters.map((number) => world.clusters[number]!);
     const exitance = parts.some((part) => part.emission.size > 0) ? new Float32Array(3 * corners) : null;
     let element = 0;
     for (const part of parts) {
       for (let k = 0; k < part.borders.length; k++, element++) {
-        fill(part, k, element, { positions, joints, colours, exitance });
+        fill(part, k, element, { positions, joints, colours, outward, exitance });
         const c = 4 * element;
-        index.set([c, c + 1, c + 2, c, c + 2, c + 3], 6 * element);
+        if ((part.borders[k]! & COVERED) === 0) index.set([c, c + 1, c + 2, c, c + 2, c + 3], 6 * element);
       }
     }
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
     geometry.setAttribute("joint", new THREE.BufferAttribute(joints, 1));
+    geometry.setAttribute("outward", new THREE.BufferAttribute(outward, 4, true));
     geometry.setAttribute("colour", new THREE.BufferAttribute(colours, 4, true));
     // Without it, three.js takes the material's default.
     if (exitance) geometry.setAttribute("exitance", new THREE.BufferAttribute(exitance, 3));
@@ -121,6 +134,17 @@ export class Batches {
     return { mesh, clusters, first, count };
   }
 
+  /** Draws the scene; a pixel is so large a share of its distance. */
+  draw(renderer: THREE.WebGLRenderer, camera: THREE.Camera, pixel: number): void {
+    renderer.render(this.scene, camera);
+    this.filling.uniforms.overlap!.value = OVERLAP * pixel;
+    this.scene.overrideMaterial = this.filling;
+    renderer.autoClear = false;
+    renderer.render(this.scene, camera);
+    renderer.autoClear = true;
+    this.scene.overrideMaterial = null;
+  }
+
   /** Draws the numbers of elements instead of their light: see [`elementAt`]. */
   drawNumbers(renderer: THREE.WebGLRenderer, camera: THREE.Camera): void {
     this.scene.overrideMaterial = this.picking;
@@ -128,8 +152,8 @@ export class Batches {
     this.scene.overrideMaterial = null;
   }
 
-  /** The cluster of an element that was drawn as this number, and the element's number in it. */
-  elementAt(number: number): { cluster: number; k: number } | undefined {
+  /** The element that was drawn as this number. */
+  elementAt(number: number): Seen | undefined {
     if (number === 0) return undefined;
     let [low, high] = [0, this.starts.length];
     while (high - low > 1) {
@@ -156,27 +180,41 @@ interface Buffers {
   positions: Float32Array;
   joints: Uint32Array;
   colours: Uint8Array;
+  outward: Int8Array;
   exitance: Float32Array | null;
 }
 
 /** Fills in the corners of an element. */
-function fill(part: Cluster, k: number, element: number, { positions, joints, colours, exitance }: Buffers): void {
+function fill(part: Cluster, k: number, element: number, buffers: Buffers): void {
+  const { positions, joints, colours, outward, exitance } = buffers;
   const triangle = part.corners[4 * k + 2] === part.corners[4 * k + 3];
-  const bits = part.borders[k]! | (triangle ? TRIANGLE : 0);
+  const bits = (part.borders[k]! & 15) | (triangle ? TRIANGLE : 0);
   // Eight bits tell dark colours apart better as square roots.
   const root = (c: number) => Math.round(255 * Math.sqrt(part.colours[4 * k + c]! / 65535));
   const [red, green, blue] = [root(0), root(1), root(2)];
   const coverage = Math.round(part.colours[4 * k + 3]! / 257);
   const emitted = part.emission.get(k);
+  const middle = [0, 0, 0];
   for (let corner = 0; corner < 4; corner++) {
     const at = 4 * element + corner;
     const vertex = part.corners[4 * k + corner]!;
-    for (let axis = 0; axis < 3; axis++) positions[3 * at + axis] = part.positions[3 * vertex + axis]!;
+    for (let axis = 0; axis < 3; axis++) {
+      const x = part.positions[3 * vertex + axis]!;
+      positions[3 * at + axis] = x;
+      middle[axis]! += x / 4;
+    }
     joints[at] = (bits << 24) | part.joints[4 * k + corner]!;
     colours[4 * at] = red;
     colours[4 * at + 1] = green;
     colours[4 * at + 2] = blue;
     colours[4 * at + 3] = coverage;
     if (exitance && emitted) exitance.set(emitted, 3 * at);
+  }
+  for (let at = 4 * element; at < 4 * element + 4; at++) {
+    const [x, y, z] = [0, 1, 2].map((axis) => positions[3 * at + axis]! - middle[axis]!) as [number, number, number];
+    const length = Math.hypot(x, y, z) || 1;
+    outward[4 * at] = (127 * x) / length;
+    outward[4 * at + 1] = (127 * y) / length;
+    outward[4 * at + 2] = (127 * z) / length;
   }
 }

@@ -66,8 +66,10 @@ export class CurvesView {
       context.strokeStyle = colour;
       context.beginPath();
       for (const point of points) {
+        const share = point[column];
+        if (share === null) continue;
         const x = ((point[0] - begin) / (end - begin)) * width;
-        const y = (1 - Math.min(Math.max(point[column], 0), 1)) * (height - 2 * ratio) + ratio;
+        const y = (1 - Math.min(Math.max(share, 0), 1)) * (height - 2 * ratio) + ratio;
         context.lineTo(x, y);
       }
       context.stroke();

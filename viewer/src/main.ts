@@ -15,7 +15,7 @@ const WHITE = 1.2;
 
 class Page implements Listener {
   private readonly panel = new Panel();
-  private readonly stage = new Stage(part<HTMLCanvasElement>("scene"));
+  private readonly stage = new Stage(part<HTMLCanvasElement>("scene"), () => this.rest());
   private readonly connection: Connection;
   private world: World | null = null;
   private status: Status | null = null;
@@ -112,24 +112,32 @@ class Page implements Listener {
     const { world } = this;
     const on = (id: string) => part<HTMLInputElement>(id).checked;
     const ambient: Rgb = on("ambient") ? (this.status?.ambient ?? [0, 0, 0]) : [0, 0, 0];
+    const filmic = part<HTMLSelectElement>("tone").value === "filmic";
+    const quantity = part<HTMLSelectElement>("quantity").value as Quantity;
     const slider = part<HTMLInputElement>("exposure");
-    if (on("auto") && world) {
-      const exposure = automaticExposure(world, ambient);
+    const automatic = on("auto") && quantity === "light";
+    const seen = world && (automatic || quantity === "illuminance") ? this.stage.seen() : [];
+    if (world && automatic) {
+      const exposure = automaticExposure(world, seen, ambient, filmic);
       if (exposure !== undefined) slider.value = String(-Math.log2(exposure * WHITE));
     }
+    if (world && quantity === "illuminance") this.scale = automaticScale(world, seen, ambient);
     part("ev").textContent = `EV ${Number(slider.value).toFixed(1)}`;
-    const quantity = part<HTMLSelectElement>("quantity").value as Quantity;
-    if (quantity === "illuminance" && world) this.scale = automaticScale(world, ambient);
     this.panel.key(quantity, this.scale);
     this.stage.set({
       quantity,
       ambient,
+      filmic,
       exposure: 1 / (WHITE * 2 ** Number(slider.value)),
-      filmic: part<HTMLSelectElement>("tone").value === "filmic",
       wires: (on("patches") ? 1 : 0) | (on("elements-wires") ? 2 : 0),
       scale: this.scale,
       sky: world?.hello.sky ?? [0, 0, 0],
     });
+  }
+
+  /** The eye has come to rest. */
+  private rest(): void {
+    if (part<HTMLInputElement>("auto").checked && part<HTMLSelectElement>("quantity").value === "light") this.apply();
   }
 
   /** Reads the value under the pointer, at most once a frame. */

@@ -9,11 +9,14 @@ export type Quantity = "light" | "illuminance" | "owners" | "holders";
 const QUANTITIES: Quantity[] = ["light", "illuminance", "owners", "holders"];
 
 const VERTEX = /* glsl */ `
+  #define BEHIND 6.0
   precision highp sampler2D;
   in uint joint;     // its upper byte: bits of edges that are edges of the patch, and of triangles
   in vec4 colour;    // reflectance and coverage
   in vec3 exitance;
+  in vec3 outward;   // from the element's middle
   in uvec2 ranks;
+  uniform float overlap; // how far elements reach over their edges, as a share of their distance
   uniform sampler2D irradiance;
   out vec3 vIrradiance;
   out vec4 vColour;
@@ -34,6 +37,8 @@ const VERTEX = /* glsl */ `
     bool triangle = (vBits & 16u) != 0u;
     vWithin = triangle ? vec2(corner == 1, corner >= 2) : vec2(corner == 1 || corner == 2, corner >= 2);
     vec4 place = modelViewMatrix * vec4(position, 1.0);
+    place.xyz += mat3(modelViewMatrix) * outward * (overlap * -place.z);
+    place.xyz *= 1.0 + BEHIND * overlap;
     vPlace = place.xyz;
     gl_Position = projectionMatrix * place;
   }
@@ -149,6 +154,7 @@ export function surfaceMaterial(): THREE.RawShaderMaterial {
     fragmentShader: FRAGMENT,
     uniforms: {
       irradiance: { value: null },
+      overlap: { value: 0 },
       quantity: { value: 0 },
       exposure: { value: 1 },
       filmic: { value: true },
@@ -158,6 +164,17 @@ export function surfaceMaterial(): THREE.RawShaderMaterial {
       colours: { value: null },
     },
   });
+  Object.assign(material.defaultAttributeValues, { exitance: [0, 0, 0] });
+  return material;
+}
+
+/**
+ * The material that fills gaps: where a corner meets the middle of a longer edge, rounding leaves some, less than a pixel
+ * wide. Elements reach over their edges, a little behind where they are, so that it is seen only where nothing else is.
+ */
+export function fillMaterial(surface: THREE.RawShaderMaterial): THREE.RawShaderMaterial {
+  const material = surface.clone();
+  material.uniforms = { ...surface.uniforms, overlap: { value: 0 } };
   Object.assign(material.defaultAttributeValues, { exitance: [0, 0, 0] });
   return material;
 }

@@ -1,7 +1,7 @@
 // What stands beside the scene: how far the solver is, what is shown and how, and what can be done.
 
 import { rankColour, type Quantity } from "./material.js";
-import type { Hello, Status } from "./protocol.js";
+import type { Hello, Point, Status } from "./protocol.js";
 import { CurvesView } from "./curves.js";
 import { marks, turbo, type Scale } from "./scales.js";
 import { count, digits, duration, measure, percent } from "./words.js";
@@ -88,12 +88,10 @@ export class Panel {
     part("pause").textContent = this.paused ? "Resume" : "Pause";
     this.steer(status.phase === "solve" || status.phase === "pause");
     const { energy } = status;
-    const share = (x: number) => (energy && energy.emitted > 0 ? x / energy.emitted : 0);
-    if (energy && status.seconds) {
-      const { absorbed, absorbed_by_backs: backs, escaped } = energy;
-      this.curves.add([
-        status.seconds, status.shots, status.unshot_share, share(absorbed), share(backs), share(escaped),
-      ]);
+    const share = (x: number | undefined) => (energy && energy.emitted > 0 && x !== undefined ? x / energy.emitted : null);
+    if (status.seconds) {
+      const shares = [energy?.absorbed, energy?.absorbed_by_backs, energy?.escaped].map(share);
+      this.curves.add([status.seconds, status.shots, status.unshot_share, ...shares] as Point);
     }
     this.loads(status);
   }

@@ -55,8 +55,8 @@ export interface Status {
   ranks: { busy: number; wait: number }[];
 }
 
-/** Seconds, shots, and shares of the emitted power: unshot, absorbed, absorbed by backs, escaped. */
-export type Point = [number, number, number, number, number, number];
+/** Seconds, shots, and shares of the emitted power: unshot, absorbed, absorbed by backs, escaped; null if not yet known. */
+export type Point = [number, number, number, number | null, number | null, number | null];
 
 export interface Curves {
   points: Point[];
@@ -79,7 +79,7 @@ export interface Geometry {
   corners: Uint16Array | Uint32Array;
   /** Reflectance and coverage of each element, 65535 for 1. */
   colours: Uint16Array;
-  /** Which edges of each element are edges of its patch. */
+  /** Which edges of each element are edges of its patch; and [`COVERED`]. */
   borders: Uint8Array;
 }
 
@@ -145,6 +145,9 @@ class Reader {
     this.at = (this.at + 3) & ~3;
   }
 }
+
+/** Bit of an element's borders: other geometry covers it, and it is not drawn. */
+export const COVERED = 128;
 
 const GEOMETRY = 1;
 const LIGHT = 2;

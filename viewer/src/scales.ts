@@ -1,11 +1,9 @@
 // Colours and exposure that follow from the light: as the library chooses them for pictures.
 
 import * as THREE from "three";
-import { photometric, type Cluster, type World } from "./world.js";
+import type { Seen } from "./batches.js";
+import type { World } from "./world.js";
 import type { Rgb } from "./protocol.js";
-
-/** Elements that are looked at: of more, some. */
-const SAMPLES = 100_000;
 
 /** A scale of false colour. */
 export interface Scale {
@@ -14,69 +12,36 @@ export interface Scale {
   logarithmic: boolean;
 }
 
-/** Calls `visit` for elements spread evenly over the scene. */
-function sample(world: World, visit: (cluster: Cluster, k: number) => void): void {
-  const stride = Math.max(1, Math.ceil(world.hello.elements / SAMPLES));
-  let next = 0;
-  for (const cluster of world.clusters) {
-    if (!cluster) continue;
-    const count = cluster.borders.length;
-    for (; next < count; next += stride) visit(cluster, next);
-    next -= count;
-  }
-}
-
-/** The share of the weight that lies below. */
-function quantile(sorted: [number, number][], share: number): number {
-  const total = sorted.reduce((sum, [, weight]) => sum + weight, 0);
-  let below = 0;
-  for (const [value, weight] of sorted) {
-    below += weight;
-    if (below >= share * total) return value;
-  }
-  return sorted.at(-1)?.[0] ?? 0;
+/** A value below which a share of sorted ones lies. */
+function quantile(sorted: number[], share: number): number {
+  return sorted[Math.floor((sorted.length - 1) * share)] ?? 0;
 }
 
 /**
- * Display value of radiance 1: middle grey for the logarithmic mean of what does not emit, but with the bright end neither
- * burnt out nor dull. Nothing if all is dark.
+ * Display value of radiance 1: middle grey for the logarithmic mean of what is seen and does not emit, but with the bright
+ * end neither burnt out nor dull. Nothing if all is dark.
  */
-export function automaticExposure(world: World, ambient: Rgb): number | undefined {
-  const lit: [number, number][] = [];
-  const areas: number[] = [];
-  sample(world, (cluster, k) => areas.push(cluster.areas[k]!));
-  // What is cut coarsely does not decide alone.
-  const largest = 4 * (areas.sort((a, b) => a - b)[areas.length >> 1] ?? 1);
-  sample(world, (cluster, k) => {
-    if (cluster.emission.has(k)) return;
-    const of = (c: number) =>
-      (cluster.colours[4 * k + c]! / 65535) * (cluster.irradiance[3 * k + c]! + ambient[c]!) / Math.PI;
-    const radiance = photometric([of(0), of(1), of(2)]);
-    if (radiance > 0 && Number.isFinite(radiance)) lit.push([radiance, Math.min(cluster.areas[k]!, largest)]);
-  });
+export function automaticExposure(world: World, seen: Seen[], ambient: Rgb, filmic: boolean): number | undefined {
+  const radiances = (emitting: boolean) =>
+    seen
+      .filter(({ cluster, k }) => world.clusters[cluster]!.emission.has(k) === emitting)
+      .map(({ cluster, k }) => world.radiance(cluster, k, ambient))
+      .filter((radiance) => radiance > 0 && Number.isFinite(radiance))
+      .sort((a, b) => a - b);
+  let lit = radiances(false);
+  // Nothing but lamps.
+  if (lit.length === 0) lit = radiances(true);
   if (lit.length === 0) return undefined;
-  lit.sort((a, b) => a[0] - b[0]);
-  const bright = quantile(lit, 0.95);
-  let [sum, total] = [0, 0];
-  for (const [radiance, weight] of lit) {
-    sum += weight * Math.log(Math.max(radiance, bright / 1e3));
-    total += weight;
-  }
-  const wanted = 0.18 / Math.exp(sum / total);
-  const most = 1 / bright;
-  return Math.max(wanted > most ? Math.sqrt(wanted * most) : wanted, 0.35 / bright);
+  const bright = quantile(lit, 0.98);
+  const mean = lit.reduce((sum, radiance) => sum + Math.log(Math.max(radiance, bright / 1e3)), 0) / lit.length;
+  return Math.min(Math.max(0.18 / Math.exp(mean), 0.5 / bright), (filmic ? 2 : 1) / bright);
 }
 
-/** The scale of illuminance: between round numbers, logarithmic if it is wide. */
-export function automaticScale(world: World, ambient: Rgb): Scale {
-  const values: [number, number][] = [];
-  sample(world, (cluster, k) => {
-    const of = (c: number) => cluster.irradiance[3 * k + c]! + ambient[c]!;
-    const value = photometric([of(0), of(1), of(2)]);
-    if (value > 0) values.push([value, 1]);
-  });
+/** The scale of the illuminance that is seen: between round numbers, logarithmic if it is wide. */
+export function automaticScale(world: World, seen: Seen[], ambient: Rgb): Scale {
+  const values = seen.map(({ cluster, k }) => world.illuminance(cluster, k, ambient)).filter((value) => value > 0);
   if (values.length === 0) return { low: 0, high: 1, logarithmic: false };
-  values.sort((a, b) => a[0] - b[0]);
+  values.sort((a, b) => a - b);
   const [low, high] = [quantile(values, 0.05), quantile(values, 0.995)];
   const logarithmic = high > 100 * low;
   return logarithmic

@@ -1,15 +1,18 @@
 // What is seen: the scene from the eye, drawn when something has changed.
 
 import * as THREE from "three";
-import { Batches } from "./batches.js";
+import { Batches, type Seen } from "./batches.js";
 import { quantityNumber, type Quantity } from "./material.js";
 import { Navigation } from "./navigation.js";
 import type { Rgb } from "./protocol.js";
 import { turboTexture, type Scale } from "./scales.js";
 import type { World } from "./world.js";
 
-/** Size of the pictures by which a first view is chosen, pixels. */
-const TRIAL = { width: 64, height: 40 };
+/** Size of the small pictures by which views, exposures and scales are chosen, pixels. */
+const ROUGH = { width: 64, height: 40 };
+
+/** The eye is at rest after so many milliseconds. */
+const REST = 200;
 
 export class Stage {
   readonly batches = new Batches();
@@ -17,15 +20,22 @@ export class Stage {
   private readonly renderer: THREE.WebGLRenderer;
   private readonly under = new THREE.WebGLRenderTarget(1, 1);
   private stale = true;
-  /** Pictures drawn so far. */
-  drawn = 0;
 
-  constructor(private readonly canvas: HTMLCanvasElement) {
+  /** `settled` is called when the eye has come to rest. */
+  constructor(
+    private readonly canvas: HTMLCanvasElement,
+    settled: () => void,
+  ) {
+    let waiting = 0;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
     // Materials write what the screen shows.
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
     this.renderer.setClearColor(0x000000);
-    this.navigation = new Navigation(canvas, () => this.invalidate());
+    this.navigation = new Navigation(canvas, () => {
+      this.invalidate();
+      clearTimeout(waiting);
+      waiting = window.setTimeout(settled, REST);
+    });
     this.batches.material.uniforms.colours!.value = turboTexture();
     new ResizeObserver(() => this.resize()).observe(canvas);
     this.resize();
@@ -70,6 +80,16 @@ export class Stage {
     return number ?? 0;
   }
 
+  /** The elements that are seen, as often as they take a pixel of a small picture. */
+  seen(): Seen[] {
+    const seen: Seen[] = [];
+    for (const number of this.numbers(ROUGH.width, ROUGH.height)) {
+      const found = this.batches.elementAt(number);
+      if (found) seen.push(found);
+    }
+    return seen;
+  }
+
   /** Numbers of the elements that are seen, for each pixel of a small picture. */
   private numbers(width: number, height: number): Uint32Array {
     this.under.setSize(width, height);
@@ -101,14 +121,13 @@ export class Stage {
     for (const view of views) {
       this.navigation.look(view.eye, middle, view.fov);
       this.navigation.camera.updateMatrixWorld();
-      const lit = new Set<number>();
+      const lit = new Set<string>();
       let pixels = 0;
-      for (const number of this.numbers(TRIAL.width, TRIAL.height)) {
-        const found = this.batches.elementAt(number);
-        const cluster = found && world.clusters[found.cluster];
-        if (!cluster || !(cluster.irradiance[3 * found.k]! > 0 || cluster.emission.has(found.k))) continue;
+      for (const { cluster, k } of this.seen()) {
+        const found = world.clusters[cluster]!;
+        if (!(found.irradiance[3 * k]! > 0 || found.emission.has(k))) continue;
         pixels++;
-        lit.add(number);
+        lit.add(`${cluster} ${k}`);
       }
       view.worth = pixels + 2 * lit.size;
     }
@@ -118,7 +137,7 @@ export class Stage {
 
   /** The present picture, as a file. */
   picture(): Promise<Blob | null> {
-    this.renderer.render(this.batches.scene, this.navigation.camera);
+    this.draw();
     return new Promise((resolve) => this.canvas.toBlob(resolve, "image/png"));
   }
 
@@ -134,7 +153,12 @@ export class Stage {
     this.navigation.advance(now);
     if (!this.stale) return;
     this.stale = false;
-    this.renderer.render(this.batches.scene, this.navigation.camera);
-    this.drawn++;
+    this.draw();
+  }
+
+  private draw(): void {
+    const { camera } = this.navigation;
+    const pixels = this.canvas.height / (2 * Math.tan(THREE.MathUtils.degToRad(camera.fov) / 2));
+    this.batches.draw(this.renderer, camera, 1 / pixels);
   }
 }

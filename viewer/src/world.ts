@@ -10,8 +10,6 @@ export interface Cluster extends Geometry {
   joints: Uint32Array;
   /** The patch of each element, counted from the cluster's first. */
   patchOf: Uint16Array | Uint32Array;
-  /** Area of each element, m². */
-  areas: Float32Array;
 }
 
 /** What is known of an element. */
@@ -56,7 +54,7 @@ export class World {
   }
 
   elementCount(cluster: number): number {
-    return (this.clusters[cluster]?.borders.length ?? 0);
+    return this.clusters[cluster]?.borders.length ?? 0;
   }
 
   /** Takes the geometry of a cluster; its light is dark again. */
@@ -71,7 +69,6 @@ export class World {
       ...geometry,
       irradiance: new Float32Array(3 * count),
       joints: new Uint32Array(4 * count),
-      areas: new Float32Array(count),
       patchOf,
     };
   }
@@ -167,6 +164,21 @@ export class World {
     this.light[at + 3] = known ? 1 : 0;
   }
 
+  /** Photometric irradiance of an element. */
+  illuminance(cluster: number, k: number, ambient: Rgb): number {
+    const { irradiance } = this.clusters[cluster]!;
+    return photometric([0, 1, 2].map((c) => irradiance[3 * k + c]! + ambient[c]!) as Rgb);
+  }
+
+  /** Photometric radiance of an element. */
+  radiance(cluster: number, k: number, ambient: Rgb): number {
+    const { irradiance, colours, emission } = this.clusters[cluster]!;
+    const emitted = emission.get(k);
+    const of = (c: number) =>
+      ((colours[4 * k + c]! / 65535) * (irradiance[3 * k + c]! + ambient[c]!) + (emitted?.[c] ?? 0)) / Math.PI;
+    return photometric([of(0), of(1), of(2)]);
+  }
+
   /** What is known of an element. */
   facts(cluster: number, k: number): ElementFacts | undefined {
     const found = this.clusters[cluster];
@@ -193,7 +205,7 @@ export class World {
   }
 }
 
-/** Finds the joints and areas of a cluster's elements. */
+/** Finds the joints of a cluster's elements. */
 function weldCluster(cluster: Cluster, joints: Joints): void {
   const { positions: p, corners } = cluster;
   // Most vertices are met again with the same normal.
@@ -202,12 +214,11 @@ function weldCluster(cluster: Cluster, joints: Joints): void {
   const normalOf = new Float32Array(3 * vertices);
   for (let k = 0; k < cluster.borders.length; k++) {
     const [a, b, c, d] = [corners[4 * k]!, corners[4 * k + 1]!, corners[4 * k + 2]!, corners[4 * k + 3]!];
-    // The diagonals' cross product is twice the area; of a triangle, whose fourth corner is its third, too.
+    // The cross product of the diagonals; of a triangle, whose fourth corner is its third, of two edges.
     const [ux, uy, uz] = [p[3 * c]! - p[3 * a]!, p[3 * c + 1]! - p[3 * a + 1]!, p[3 * c + 2]! - p[3 * a + 2]!];
     const [vx, vy, vz] = [p[3 * d]! - p[3 * b]!, p[3 * d + 1]! - p[3 * b + 1]!, p[3 * d + 2]! - p[3 * b + 2]!];
     const [x, y, z] = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
     const length = Math.hypot(x, y, z) || 1;
-    cluster.areas[k] = length / 2;
     const [nx, ny, nz] = [x / length, y / length, z / length];
     for (let corner = 4 * k; corner < 4 * k + 4; corner++) {
       const v = corners[corner]!;

@@ -15,6 +15,10 @@ const ON_BORDER: f64 = 1e-9;
 /// Corners of an element; a triangle repeats its third.
 const CORNERS: usize = 4;
 
+/// Bit of an element's byte of borders: other geometry covers it, and it is not to be drawn. It may be seen through gaps
+/// between others otherwise, which are no wider than rounding.
+const COVERED: u8 = 1 << 7;
+
 /// The geometry of a cluster.
 pub fn geometry(mesh: &Mesh, cluster: u32) -> Vec<u8> {
     let number = cluster;
@@ -34,7 +38,8 @@ pub fn geometry(mesh: &Mesh, cluster: u32) -> Vec<u8> {
                     positions.len() as u32 - 1
                 })
             }));
-            borders.push(border(&patch, k));
+            let covered = if mesh.valid[element as usize] == 0 { COVERED } else { 0 };
+            borders.push(border(&patch, k) | covered);
             let colour = mesh.colour(&patch, element);
             let [r, g, b] = colour.reflectance;
             colours.push([r, g, b, colour.coverage].map(|x| (x.clamp(0.0, 1.0) * f32::from(u16::MAX) + 0.5) as u16));

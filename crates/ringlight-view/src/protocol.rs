@@ -126,13 +126,14 @@ pub struct Load {
     pub wait: f64,
 }
 
-/// A point of the curves: seconds, shots, and shares of the emitted power: unshot, absorbed, absorbed by backs, escaped.
+/// A point of the curves: seconds, shots, and shares of the emitted power: unshot, absorbed, absorbed by backs, escaped; no
+/// number where it is not known yet.
 pub type Point = [f64; 6];
 
 impl Status {
     pub(crate) fn point(&self) -> Point {
         let share = |of: fn(&Energy) -> f64| {
-            self.energy.as_ref().map_or(0.0, |e| if e.emitted > 0.0 { of(e) / e.emitted } else { 0.0 })
+            self.energy.as_ref().filter(|e| e.emitted > 0.0).map_or(f64::NAN, |e| of(e) / e.emitted)
         };
         let (absorbed, backs, escaped) = (share(|e| e.absorbed), share(|e| e.absorbed_by_backs), share(|e| e.escaped));
         [self.seconds, self.shots as f64, self.unshot_share, absorbed, backs, escaped]

@@ -32,7 +32,7 @@ const MOST_CONNECTIONS: usize = 64;
 /// Most bytes of a message from a page: its longest word takes nine.
 const LONGEST_WORD: usize = 64;
 
-/// A request has to be there by then.
+/// A request has to be there so long after the last one, or after the connection.
 const REQUEST: Duration = Duration::from_secs(5);
 
 /// A page takes a message, and shows what it was sent, by then; else it is given up.
@@ -42,7 +42,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 const FAREWELL: Duration = Duration::from_secs(2);
 
 /// What a page may do: only with what this server sends.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; connect-src 'self'; \
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src 'self'; \
     base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// Shows a [`Stage`] in browsers, until it is dropped.
@@ -121,7 +121,7 @@ fn reachable(bound: SocketAddr) -> SocketAddr {
     }
 }
 
-/// Takes connections, each for one request.
+/// Takes connections.
 async fn accept(listener: tokio::net::TcpListener, shared: Shared) {
     let routes = Router::new()
         .route("/", get(page_file))
@@ -143,7 +143,7 @@ async fn accept(listener: tokio::net::TcpListener, shared: Shared) {
         let service = TowerToHyperService::new(routes.clone());
         tokio::spawn(async move {
             let mut http = http1::Builder::new();
-            http.timer(TokioTimer::new()).header_read_timeout(REQUEST).keep_alive(false).max_buf_size(16 << 10);
+            http.timer(TokioTimer::new()).header_read_timeout(REQUEST).max_buf_size(16 << 10);
             http.serve_connection(TokioIo::new(connection), service).with_upgrades().await.ok();
             drop(place);
         });
