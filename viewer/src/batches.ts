@@ -9,9 +9,6 @@ import { ROW, type Cluster, type World } from "./world.js";
 /** Elements of a batch: so that sixteen bits tell its corners apart. */
 const MOST_ELEMENTS = 16384;
 
-/** Pixels by which gaps are filled. */
-const OVERLAP = 0.7;
-
 /** Bit of the joint's upper byte: the element is a triangle. */
 const TRIANGLE = 16;
 
@@ -136,8 +133,8 @@ export class Batches {
 
   /** Draws the scene; a pixel is so large a share of its distance. */
   draw(renderer: THREE.WebGLRenderer, camera: THREE.Camera, pixel: number): void {
+    this.material.uniforms.pixel!.value = pixel;
     renderer.render(this.scene, camera);
-    this.filling.uniforms.overlap!.value = OVERLAP * pixel;
     this.scene.overrideMaterial = this.filling;
     renderer.autoClear = false;
     renderer.render(this.scene, camera);

@@ -49,6 +49,8 @@ class Page implements Listener {
       this.panel.begin(hello);
       this.stage.navigation.begin(hello);
       if (again) return;
+      // While it is dark there is nothing else to see.
+      part<HTMLInputElement>("ambient").checked = hello.live;
       this.chosen = hello.cameras.length > 0;
       if (hello.cameras[0]) this.stage.navigation.take(hello.cameras[0]);
     } else if ("status" in words) {

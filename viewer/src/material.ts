@@ -9,14 +9,18 @@ export type Quantity = "light" | "illuminance" | "owners" | "holders";
 const QUANTITIES: Quantity[] = ["light", "illuminance", "owners", "holders"];
 
 const VERTEX = /* glsl */ `
-  #define BEHIND 6.0
+  // Pixels by which elements reach over their edges to fill gaps; and by which fillings, and what is dark, stand back.
+  #define OVERLAP 0.7
+  #define FILL_BEHIND 0.4
+  #define DARK_BEHIND 4.0
   precision highp sampler2D;
   in uint joint;     // its upper byte: bits of edges that are edges of the patch, and of triangles
   in vec4 colour;    // reflectance and coverage
   in vec3 exitance;
   in vec3 outward;   // from the element's middle
   in uvec2 ranks;
-  uniform float overlap; // how far elements reach over their edges, as a share of their distance
+  uniform float pixel; // its size, as a share of its distance
+  uniform bool fill;
   uniform sampler2D irradiance;
   out vec3 vIrradiance;
   out vec4 vColour;
@@ -37,8 +41,9 @@ const VERTEX = /* glsl */ `
     bool triangle = (vBits & 16u) != 0u;
     vWithin = triangle ? vec2(corner == 1, corner >= 2) : vec2(corner == 1 || corner == 2, corner >= 2);
     vec4 place = modelViewMatrix * vec4(position, 1.0);
-    place.xyz += mat3(modelViewMatrix) * outward * (overlap * -place.z);
-    place.xyz *= 1.0 + BEHIND * overlap;
+    bool dark = vIrradiance == vec3(0.0);
+    if (fill) place.xyz += mat3(modelViewMatrix) * outward * (OVERLAP * pixel * -place.z);
+    place.xyz *= 1.0 + pixel * (fill ? FILL_BEHIND : dark ? DARK_BEHIND : 0.0);
     vPlace = place.xyz;
     gl_Position = projectionMatrix * place;
   }
@@ -55,6 +60,7 @@ const FRAGMENT = /* glsl */ `
   flat in uint vBits;
   flat in uvec2 vRanks;
   uniform int quantity;
+  uniform bool fill;
   uniform float exposure;
   uniform bool filmic;
   uniform vec3 ambient;
@@ -113,6 +119,8 @@ const FRAGMENT = /* glsl */ `
 
   void main() {
     if (vColour.a < 0.999 && vColour.a < door()) discard;
+    // Insides of closed things would draw lines around them.
+    if (fill && vIrradiance == vec3(0.0)) discard;
     vec3 light = vIrradiance + ambient;
     vec3 normal = normalize(cross(dFdx(vPlace), dFdy(vPlace)));
     vec3 colour;
@@ -154,7 +162,8 @@ export function surfaceMaterial(): THREE.RawShaderMaterial {
     fragmentShader: FRAGMENT,
     uniforms: {
       irradiance: { value: null },
-      overlap: { value: 0 },
+      pixel: { value: 0 },
+      fill: { value: false },
       quantity: { value: 0 },
       exposure: { value: 1 },
       filmic: { value: true },
@@ -170,11 +179,12 @@ export function surfaceMaterial(): THREE.RawShaderMaterial {
 
 /**
  * The material that fills gaps: where a corner meets the middle of a longer edge, rounding leaves some, less than a pixel
- * wide. Elements reach over their edges, a little behind where they are, so that it is seen only where nothing else is.
+ * wide. Elements reach over their edges, a little behind where they are. What is dark, as the insides of closed things are,
+ * stands back further, or it would look out of every gap.
  */
 export function fillMaterial(surface: THREE.RawShaderMaterial): THREE.RawShaderMaterial {
   const material = surface.clone();
-  material.uniforms = { ...surface.uniforms, overlap: { value: 0 } };
+  material.uniforms = { ...surface.uniforms, fill: { value: true } };
   Object.assign(material.defaultAttributeValues, { exitance: [0, 0, 0] });
   return material;
 }

@@ -122,14 +122,16 @@ export class Stage {
       this.navigation.look(view.eye, middle, view.fov);
       this.navigation.camera.updateMatrixWorld();
       const lit = new Set<string>();
-      let pixels = 0;
+      let weight = 0;
       for (const { cluster, k } of this.seen()) {
         const found = world.clusters[cluster]!;
         if (!(found.irradiance[3 * k]! > 0 || found.emission.has(k))) continue;
-        pixels++;
+        // What is near stands in the way.
+        const corner = new THREE.Vector3().fromArray(found.positions, 3 * found.corners[4 * k]!);
+        weight += Math.min(corner.distanceTo(view.eye) / high.distanceTo(low), 0.3);
         lit.add(`${cluster} ${k}`);
       }
-      view.worth = pixels + 2 * lit.size;
+      view.worth = weight * lit.size;
     }
     const best = views.reduce((a, b) => (b.worth > a.worth ? b : a));
     this.navigation.look(best.eye, middle, best.fov);

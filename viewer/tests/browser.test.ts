@@ -152,6 +152,7 @@ async function press(page: Page, id: string): Promise<void> {
 async function see(page: Page, run: Run, table: string, link: string): Promise<void> {
   // A fixed exposure, so that more light is more brightness.
   await until("the first light", async () => (await data(page, "shots")) > 0 && (await data(page, "updates")) > 1);
+  await set(page, "ambient", false);
   await set(page, "exposure", "7");
   const dark = await brightness(page);
   await until("more light", async () => (await brightness(page)) > dark + 1);
