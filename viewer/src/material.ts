@@ -13,6 +13,8 @@ const VERTEX = /* glsl */ `
   #define OVERLAP 0.7
   #define FILL_BEHIND 0.4
   #define DARK_BEHIND 4.0
+  // Display value, times π, below which something is dark.
+  #define DARK 0.08
   precision highp sampler2D;
   in uint joint;     // its upper byte: bits of edges that are edges of the patch, and of triangles
   in vec4 colour;    // reflectance and coverage
@@ -21,6 +23,7 @@ const VERTEX = /* glsl */ `
   in uvec2 ranks;
   uniform float pixel; // its size, as a share of its distance
   uniform bool fill;
+  uniform float exposure;
   uniform sampler2D irradiance;
   out vec3 vIrradiance;
   out vec4 vColour;
@@ -29,6 +32,7 @@ const VERTEX = /* glsl */ `
   out vec2 vWithin;
   flat out uint vBits;
   flat out uvec2 vRanks;
+  flat out uint vDark;
 
   void main() {
     int number = int(joint & 0xffffffu);
@@ -41,9 +45,9 @@ const VERTEX = /* glsl */ `
     bool triangle = (vBits & 16u) != 0u;
     vWithin = triangle ? vec2(corner == 1, corner >= 2) : vec2(corner == 1 || corner == 2, corner >= 2);
     vec4 place = modelViewMatrix * vec4(position, 1.0);
-    bool dark = vIrradiance == vec3(0.0);
+    vDark = dot(colour.rgb * colour.rgb * vIrradiance, vec3(0.2, 0.7, 0.1)) * exposure < DARK ? 1u : 0u;
     if (fill) place.xyz += mat3(modelViewMatrix) * outward * (OVERLAP * pixel * -place.z);
-    place.xyz *= 1.0 + pixel * (fill ? FILL_BEHIND : dark ? DARK_BEHIND : 0.0);
+    place.xyz *= 1.0 + pixel * (fill ? FILL_BEHIND : vDark == 1u ? DARK_BEHIND : 0.0);
     vPlace = place.xyz;
     gl_Position = projectionMatrix * place;
   }
@@ -59,6 +63,7 @@ const FRAGMENT = /* glsl */ `
   in vec2 vWithin;
   flat in uint vBits;
   flat in uvec2 vRanks;
+  flat in uint vDark;
   uniform int quantity;
   uniform bool fill;
   uniform float exposure;
@@ -120,7 +125,7 @@ const FRAGMENT = /* glsl */ `
   void main() {
     if (vColour.a < 0.999 && vColour.a < door()) discard;
     // Insides of closed things would draw lines around them.
-    if (fill && vIrradiance == vec3(0.0)) discard;
+    if (fill && vDark == 1u) discard;
     vec3 light = vIrradiance + ambient;
     vec3 normal = normalize(cross(dFdx(vPlace), dFdy(vPlace)));
     vec3 colour;

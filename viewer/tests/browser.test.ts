@@ -86,7 +86,12 @@ async function open(link: string): Promise<Page> {
     const own = url.host === host || url.protocol === "data:" || url.protocol === "blob:";
     if (!own) page.evaluate((text) => document.body.setAttribute("data-strange", text), request.url());
   });
-  page.on("pageerror", (error) => page.evaluate((text) => document.body.setAttribute("data-error", text), String(error)));
+  const error = (text: string) => page.evaluate((text) => document.body.setAttribute("data-error", text), text);
+  page.on("pageerror", (found) => error(String(found)));
+  page.on("console", (message) => {
+    // A server that has ended is no error of the page.
+    if (message.type() === "error" && !message.text().includes("ERR_CONNECTION")) void error(message.text());
+  });
   await page.goto(link);
   await page.evaluate(() => document.getElementById("panel")!.setAttribute("hidden", ""));
   return page;
