@@ -10,8 +10,8 @@ export interface Listener {
   connected(there: boolean): void;
   words(words: Words): void;
   records(bytes: ArrayBuffer): void;
-  /** All that was new has been sent: it is to be shown. */
-  complete(): void;
+  /** All that was new has been sent: it is to be shown. More may come when it is. */
+  complete(): Promise<void>;
 }
 
 export type Wish = "pause" | "resume" | "stop";
@@ -61,8 +61,9 @@ export class Connection {
     } else if (data.byteLength > 0) {
       this.listener.records(data);
     } else {
-      this.listener.complete();
-      socket.send('"ready"');
+      void this.listener.complete().then(() => {
+        if (socket.readyState === WebSocket.OPEN) socket.send('"ready"');
+      });
     }
   }
 }

@@ -13,6 +13,12 @@ import { World } from "./world.js";
 /** Luminance 1.2 · 2^EV is white, as of `--exposure`. */
 const WHITE = 1.2;
 
+/** Milliseconds of a frame that new light may take. */
+const FRAME_SHARE = 8;
+
+/** Clusters whose light is computed together. */
+const AT_A_TIME = 64;
+
 class Page implements Listener {
   private readonly panel = new Panel();
   private readonly stage = new Stage(part<HTMLCanvasElement>("scene"), () => this.rest());
@@ -53,6 +59,7 @@ class Page implements Listener {
       part<HTMLInputElement>("ambient").checked = hello.live;
       this.chosen = hello.cameras.length > 0;
       if (hello.cameras[0]) this.stage.navigation.take(hello.cameras[0]);
+      else this.stage.lookFromOutside(hello);
     } else if ("status" in words) {
       this.status = words.status;
       this.panel.status(words.status);
@@ -83,7 +90,7 @@ class Page implements Listener {
     }
   }
 
-  complete(): void {
+  async complete(): Promise<void> {
     const { world, stage } = this;
     if (!world) return;
     if (this.reshaped.size > 0) {
@@ -91,14 +98,13 @@ class Page implements Listener {
       stage.batches.build(world);
       this.panel.message("");
     } else {
-      if (this.relit.size > 0) stage.batches.relight(world.relight(this.relit));
+      await this.relight(world);
+      if (world !== this.world) return;
       if (this.placed) stage.batches.rank(world);
     }
     const shots = this.status?.shots ?? 0;
     if (this.relit.size > 0 && shots > 0 && !this.chosen && !stage.navigation.moved) {
       this.chosen = true;
-      stage.chooseView(world);
-    } else if (this.reshaped.size > 0 && !this.chosen && !stage.navigation.moved) {
       stage.chooseView(world);
     }
     document.body.dataset.updates = String(Number(document.body.dataset.updates ?? 0) + 1);
@@ -107,6 +113,20 @@ class Page implements Listener {
     this.placed = false;
     this.apply();
     this.pointed = false;
+  }
+
+  /** Shows new light, a little in each frame. */
+  private async relight(world: World): Promise<void> {
+    const clusters = [...this.relit];
+    // A server that is found again begins anew.
+    for (let next = 0; next < clusters.length && world === this.world; ) {
+      const begin = performance.now();
+      while (next < clusters.length && performance.now() - begin < FRAME_SHARE) {
+        this.stage.batches.relight(world.relight(clusters.slice(next, (next += AT_A_TIME))));
+      }
+      this.stage.invalidate();
+      if (next < clusters.length) await new Promise((resolve) => setTimeout(resolve));
+    }
   }
 
   /** Shows what the controls say. */

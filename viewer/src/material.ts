@@ -95,7 +95,7 @@ const FRAGMENT = /* glsl */ `
   vec3 rankColour(uint rank, vec3 normal) {
     float hue = fract(float(rank) * 0.618034 + 0.58);
     vec3 pure = clamp(abs(fract(hue + vec3(0.0, 2.0 / 3.0, 1.0 / 3.0)) * 6.0 - 3.0) - 1.0, 0.0, 1.0);
-    return mix(vec3(0.8), pure, 0.62) * (0.55 + 0.45 * abs(normal.z));
+    return mix(vec3(0.8), pure, 0.62) * (0.75 + 0.25 * abs(normal.z));
   }
 
   // How near an edge is, in pixels: 1 on it.

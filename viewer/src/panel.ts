@@ -82,7 +82,7 @@ export class Panel {
     part("left").textContent = status.time_left === null ? "–" : duration(status.time_left);
     const until = Math.max(hello?.until ?? 0, 1e-12);
     // Light dies out like a power of the work, so logarithms grow evenly.
-    const done = status.ended ? 1 : Math.min(Math.max(Math.log(status.unshot_share) / Math.log(until), 0), 1) || 0;
+    const done = Math.min(Math.max(Math.log(status.unshot_share) / Math.log(until), 0), 1) || 0;
     (part("progress").firstElementChild as HTMLElement).style.width = `${100 * done}%`;
     part("progress").ariaValueNow = (100 * done).toFixed(0);
     part("pause").textContent = this.paused ? "Resume" : "Pause";

@@ -4,12 +4,16 @@ import * as THREE from "three";
 import { Batches, type Seen } from "./batches.js";
 import { quantityNumber, type Quantity } from "./material.js";
 import { Navigation } from "./navigation.js";
-import type { Rgb } from "./protocol.js";
+import type { Hello, Rgb } from "./protocol.js";
 import { turboTexture, type Scale } from "./scales.js";
 import type { World } from "./world.js";
 
 /** Size of the small pictures by which views, exposures and scales are chosen, pixels. */
 const ROUGH = { width: 64, height: 40 };
+
+/** Vertical fields of view inside and outside, degrees. */
+const WIDE = 65;
+const NARROW = 45;
 
 /** The eye is at rest after so many milliseconds. */
 const REST = 200;
@@ -105,21 +109,22 @@ export class Stage {
     return new Uint32Array(bytes.buffer);
   }
 
+  /** Looks at the scene from beside it. */
+  lookFromOutside(hello: Hello): void {
+    const box = new Box(hello);
+    this.navigation.look(box.outside(1, 1), box.middle, NARROW);
+  }
+
   /** Chooses a view that shows much of what is lit: from inside of a closed room, from outside of anything else. */
   chooseView(world: World): void {
-    const [low, high] = world.hello.bounds.map((c) => new THREE.Vector3(...c)) as [THREE.Vector3, THREE.Vector3];
-    const at = (x: number, y: number, z: number) =>
-      new THREE.Vector3(x, y, z).multiply(high.clone().sub(low)).add(low);
-    const middle = at(0.5, 0.42, 0.5);
+    const box = new Box(world.hello);
     const views: { eye: THREE.Vector3; fov: number; worth: number }[] = [];
     for (const [x, z] of [[0, 0], [0, 1], [1, 0], [1, 1], [0.5, 1], [0.5, 0], [0, 0.5], [1, 0.5]] as const) {
-      views.push({ eye: at(0.5 + (x - 0.5) * 0.86, 0.55, 0.5 + (z - 0.5) * 0.86), fov: 65, worth: 0 });
-      const away = at(x, 0.8, z).sub(middle);
-      const side = high.distanceTo(low);
-      views.push({ eye: middle.clone().addScaledVector(away.normalize(), side * 1.15), fov: 45, worth: 0 });
+      views.push({ eye: box.at(0.5 + (x - 0.5) * 0.86, 0.55, 0.5 + (z - 0.5) * 0.86), fov: WIDE, worth: 0 });
+      views.push({ eye: box.outside(x, z), fov: NARROW, worth: 0 });
     }
     for (const view of views) {
-      this.navigation.look(view.eye, middle, view.fov);
+      this.navigation.look(view.eye, box.middle, view.fov);
       this.navigation.camera.updateMatrixWorld();
       const lit = new Set<string>();
       let weight = 0;
@@ -128,13 +133,13 @@ export class Stage {
         if (!(found.irradiance[3 * k]! > 0 || found.emission.has(k))) continue;
         // What is near stands in the way.
         const corner = new THREE.Vector3().fromArray(found.positions, 3 * found.corners[4 * k]!);
-        weight += Math.min(corner.distanceTo(view.eye) / high.distanceTo(low), 0.3);
+        weight += Math.min(corner.distanceTo(view.eye) / box.diagonal, 0.3);
         lit.add(`${cluster} ${k}`);
       }
       view.worth = weight * lit.size;
     }
     const best = views.reduce((a, b) => (b.worth > a.worth ? b : a));
-    this.navigation.look(best.eye, middle, best.fov);
+    this.navigation.look(best.eye, box.middle, best.fov);
   }
 
   /** The present picture, as a file. */
@@ -162,5 +167,32 @@ export class Stage {
     const { camera } = this.navigation;
     const pixels = this.canvas.height / (2 * Math.tan(THREE.MathUtils.degToRad(camera.fov) / 2));
     this.batches.draw(this.renderer, camera, 1 / pixels);
+  }
+}
+
+/** The box around a scene. */
+class Box {
+  readonly diagonal: number;
+  readonly middle: THREE.Vector3;
+  private readonly low: THREE.Vector3;
+  private readonly size: THREE.Vector3;
+
+  constructor(hello: Hello) {
+    const [low, high] = hello.bounds;
+    this.low = new THREE.Vector3(...low);
+    this.size = new THREE.Vector3(...high).sub(this.low);
+    this.diagonal = this.size.length();
+    this.middle = this.at(0.5, 0.42, 0.5);
+  }
+
+  /** A place by shares of the sides. */
+  at(x: number, y: number, z: number): THREE.Vector3 {
+    return new THREE.Vector3(x, y, z).multiply(this.size).add(this.low);
+  }
+
+  /** A place beside it, past a place of its ground plan. */
+  outside(x: number, z: number): THREE.Vector3 {
+    const away = this.at(x, 0.8, z).sub(this.middle).normalize();
+    return this.middle.clone().addScaledVector(away, 1.15 * this.diagonal);
   }
 }

@@ -22,10 +22,17 @@ fn digest(workshop: &Workshop, report: &str) -> serde_json::Value {
 #[test]
 fn what_is_shown_changes_no_bit() {
     let workshop = Workshop::new();
-    let plain = "bake box.obj --until 0.001 --force -o a.ringlight --report a.json";
-    workshop.ringlight(plain).args(COARSE).assert().code(0);
-    for way in ["", "--view-every 1", "--ranks 3 --rings 1", "--ranks 3 --view-every 2 --shooters-in-flight 1"] {
-        let watched = format!("bake box.obj --until 0.001 --force -o b.ringlight --report b.json --view {way}");
+    let bake = "bake box.obj --until 0.001 --force";
+    for (settings, way) in [
+        ("", ""),
+        ("", "--view-every 1"),
+        ("", "--ranks 3 --rings 1"),
+        ("", "--ranks 3 --view-every 2"),
+        ("--shooters-in-flight 3", "--ranks 2"),
+    ] {
+        let plain = format!("{bake} {settings} -o a.ringlight --report a.json");
+        workshop.ringlight(&plain).args(COARSE).assert().code(0);
+        let watched = format!("{bake} {settings} -o b.ringlight --report b.json --view {way}");
         let mut child = start(&workshop, &watched, &COARSE);
         let (address, said) = watcher::address(&mut child);
         let mut watcher = Watcher::open(&address);
