@@ -1,5 +1,7 @@
-//! `cargo xtask licences`: every dependency must be usable under a licence that `deny.toml` allows. Works offline.
+//! `cargo xtask licences`: every dependency, of cargo or npm, must be usable under a licence that `deny.toml` allows. Works
+//! offline.
 
+use crate::viewer;
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 use std::fs;
@@ -18,7 +20,7 @@ struct Package {
     license: Option<String>,
 }
 
-/// Checks all packages of the lock file.
+/// Checks all packages of the lock files.
 pub fn run(root: &Path) -> Result<()> {
     let rules = fs::read_to_string(root.join("deny.toml")).context("cannot read deny.toml")?;
     let allowed = allowed(&rules);
@@ -37,8 +39,17 @@ pub fn run(root: &Path) -> Result<()> {
             refused.push(format!("{} {}: {licence}", package.name, package.version));
         }
     }
+    let mut count = metadata.packages.len();
+    for lock in ["viewer/package-lock.json", "xtask/tools/package-lock.json"] {
+        for (package, licence) in viewer::licences(&root.join(lock))? {
+            count += 1;
+            if !satisfied(&licence, &allowed) {
+                refused.push(format!("{package}: {licence} ({lock})"));
+            }
+        }
+    }
     ensure!(refused.is_empty(), "licences that deny.toml does not allow:\n{}", refused.join("\n"));
-    println!("licences of {} packages are allowed", metadata.packages.len());
+    println!("licences of {count} packages are allowed");
     Ok(())
 }
 

@@ -4,6 +4,7 @@ mod licences;
 mod scenes;
 mod test;
 mod tidy;
+mod viewer;
 
 use anyhow::{Context, Result, bail, ensure};
 use std::path::Path;
@@ -14,6 +15,7 @@ cargo xtask TASK
   test       everything that has to pass, the tests last
   tidy       the rules of the source tree (CONTRIBUTING.md)
   licences   the licences of all dependencies against deny.toml
+  viewer     build the page of the live view (needs Node.js and npm)
   scenes     write the generated files in scenes/
   large-scene N glb|nodes|obj FILE
              write a scene of N triangles or a few more, for measuring memory
@@ -36,6 +38,7 @@ fn run(arguments: &[&str]) -> Result<()> {
         ["test"] => test::run(root),
         ["tidy"] => tidy::run(root),
         ["licences"] => licences::run(root),
+        ["viewer"] => viewer::build(root),
         ["scenes"] => scenes::run(&root.join("scenes")),
         ["large-scene", triangles, form, file] => scenes::large::run(triangles, form, Path::new(file)),
         ["accuracy", suites @ ..] => accuracy(root, suites),

@@ -1,6 +1,6 @@
 //! `cargo xtask test`: everything that has to pass. The tests come last, so that the output ends with their summary.
 
-use super::{licences, tidy};
+use super::{licences, tidy, viewer};
 use anyhow::{Context, Result, ensure};
 use std::fs;
 use std::path::Path;
@@ -15,6 +15,13 @@ pub fn run(root: &Path) -> Result<()> {
     tidy::run(root)?;
     println!("== licences");
     licences::run(root)?;
+    // Before anything is built that embeds it.
+    if tools.node {
+        viewer::build(root)?;
+        viewer::test(root)?;
+    } else {
+        println!("== page: not built, because Node.js and npm are missing (nodejs npm)");
+    }
     let packages = if tools.message_passing {
         "--workspace"
     } else {
@@ -40,6 +47,15 @@ pub fn run(root: &Path) -> Result<()> {
     if tools.message_passing {
         cargo("tests of the command over MPI", "test -p ringlight-cli --features mpi --test mpirun --release --quiet")?;
     }
+    if tools.node && tools.chromium {
+        let features = if tools.message_passing { " --features mpi" } else { "" };
+        cargo("command for the browser", &format!("build -p ringlight-cli{features} --release --quiet"))?;
+        viewer::test_in_browser(root, &root.join("target/release/ringlight"), tools.message_passing)?;
+    } else {
+        println!(
+            "== tests in the browser: left out, because Node.js, npm or Chromium is missing (nodejs npm chromium)"
+        );
+    }
     if tools.nextest {
         cargo("tests", &format!("nextest run {packages} --release --no-fail-fast"))
     } else {
@@ -51,6 +67,7 @@ pub fn run(root: &Path) -> Result<()> {
 /// Optional tools.
 struct Tools {
     node: bool,
+    chromium: bool,
     nextest: bool,
     message_passing: bool,
 }
@@ -64,9 +81,15 @@ impl Tools {
         let here = Path::new(".");
         let installs = std::env::var("CI").is_ok_and(|value| value == "true");
         let has_node = || works(command(here, "node", "--version")) && works(command(here, "npm", "--version"));
+        let has_chromium = || {
+            ["chromium", "chromium-browser", "google-chrome"].iter().any(|name| works(command(here, name, "--version")))
+        };
         let has_nextest = || works(command(here, env!("CARGO"), "nextest --version"));
         if installs && !has_node() && works(command(here, "apt-get", "update")) {
             works(command(here, "apt-get", "install --yes --no-install-recommends nodejs npm"));
+        }
+        if installs && !has_chromium() && works(command(here, "apt-get", "update")) {
+            works(command(here, "apt-get", "install --yes --no-install-recommends chromium"));
         }
         if installs && !has_nextest() {
             works(command(here, env!("CARGO"), "install cargo-nextest --locked --quiet"));
@@ -77,7 +100,7 @@ impl Tools {
         if installs && !has_mpi() && works(command(here, "apt-get", "update")) {
             works(command(here, "apt-get", &format!("install --yes --no-install-recommends {MPI_PACKAGES}")));
         }
-        Tools { node: has_node(), nextest: has_nextest(), message_passing: has_mpi() }
+        Tools { node: has_node(), chromium: has_chromium(), nextest: has_nextest(), message_passing: has_mpi() }
     }
 }
 
@@ -122,7 +145,7 @@ fn validate_scenes(root: &Path) -> Result<()> {
 }
 
 /// A command from its words.
-fn command(folder: &Path, program: &str, words: &str) -> Command {
+pub fn command(folder: &Path, program: &str, words: &str) -> Command {
     let mut command = Command::new(program);
     command.args(words.split_whitespace()).current_dir(folder).stdin(Stdio::null());
     command
@@ -134,7 +157,7 @@ fn works(mut command: Command) -> bool {
 }
 
 /// Runs a command that has to succeed.
-fn step(title: &str, mut command: Command) -> Result<()> {
+pub fn step(title: &str, mut command: Command) -> Result<()> {
     println!("== {title}");
     let status = command.status().with_context(|| format!("cannot run {:?}", command.get_program()))?;
     ensure!(status.success(), "{title} failed ({status})");

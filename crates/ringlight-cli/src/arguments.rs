@@ -1,12 +1,14 @@
 //! The command line: a contract that scripts rely on.
 
 mod choices;
+mod examples;
 
 pub use choices::*;
 
 use crate::outputs::Output;
 use crate::values::{self, CheckpointChoice, ExposureChoice, Matrix, PictureSize, RingsChoice};
 use clap::{Args, Parser, Subcommand};
+use examples::*;
 use ringlight::probe::GridRequest;
 use std::path::PathBuf;
 
@@ -18,15 +20,6 @@ pub struct Arguments {
     #[command(subcommand)]
     pub verb: Verb,
 }
-
-const EXAMPLES: &str = "\
-Examples:
-  ringlight bake office.glb -o office-lit.glb -o office.png   bake a model and draw it
-  ringlight inspect office.glb                                what is in it, how long it will take
-  ringlight bake --help                                       every flag
-
-Exit codes: 0 converged or --max-shots reached, 1 error, 2 usage, 3 bad scene, 4 stopped by --time-limit with valid
-output, 130 interrupted and 143 terminated, both with valid output.";
 
 /// What to do.
 #[derive(Debug, Subcommand)]
@@ -52,6 +45,13 @@ pub enum Verb {
     /// Area-averaged form factors between the objects or faces of a scene, obstructed
     #[command(name = "viewfactors", after_help = VIEW_FACTOR_EXAMPLES)]
     ViewFactors(ViewFactors),
+    /// Show a scene in the browser while it is solved, or a solution, until interrupted
+    #[command(
+        after_help = VIEW_EXAMPLES,
+        mut_arg("scene", |scene| scene.value_name("SCENE|SOLUTION").help("Scene (.glb, .gltf, .obj) or solution (.ringlight)")),
+        mut_arg("output", |output| output.required(false))
+    )]
+    View(Box<Bake>),
     /// Print the completion script of a shell
     #[command(after_help = COMPLETIONS_EXAMPLES)]
     Completions {
@@ -59,61 +59,6 @@ pub enum Verb {
         shell: clap_complete::Shell,
     },
 }
-
-const BAKE_EXAMPLES: &str = "\
-Examples:
-  ringlight bake office.glb -o office-lit.glb
-  ringlight bake office.glb -o office.ringlight -o office.png --camera desk --report office.json
-  ringlight bake house.obj --unit cm --sky 3000 -o house.csv --quality draft
-  ringlight bake church.glb -o church.ringlight --checkpoint church-part.ringlight@30 --time-limit 3600
-  mpirun -n 8 ringlight bake city.glb -o city.ringlight --memory-per-rank 4GiB      needs a build with MPI";
-
-const RESUME_EXAMPLES: &str = "\
-Examples:
-  ringlight resume church-part.ringlight -o church.ringlight -o church-lit.glb --scene church.glb
-  ringlight resume office.ringlight --until 0.001 -o office-finer.ringlight";
-
-const EXPORT_EXAMPLES: &str = "\
-Examples:
-  ringlight export office.ringlight -o office.csv -o office.vtu
-  ringlight export office.ringlight -o office-lit.glb --scene office.glb --exposure 9";
-
-const RENDER_EXAMPLES: &str = "\
-Examples:
-  ringlight render office.ringlight -o desk.png --camera desk
-  ringlight render office.ringlight -o lux.png --false-colour lux --camera '3,1.6,4;0,1,0;60' --size 1920x1080";
-
-const PROBE_EXAMPLES: &str = "\
-Points are a CSV file with a header and the columns x,y,z (world coordinates in metres, also where the scene was an OBJ file
-in another unit) and nx,ny,nz (a normal of any length), in any order; other columns are ignored. Out comes CSV with
-x,y,z,nx,ny,nz,e_r,e_g,e_b,e,status. The status is ok; inside (in solid geometry, or behind surfaces); or, with --how surface,
-far. Without ok the columns e_* are empty.
-
-Examples:
-  ringlight probe office.ringlight --points desks.csv -o lux.csv
-  ringlight probe office.ringlight --grid floor@0.25 --height 0.75 -o plane.png -o plane.csv
-  ringlight probe office.ringlight --grid '0.5,0.75,0.5;5.5,0.75,3.5@0.25'
-  ringlight probe office.ringlight --points centres.csv -o shown.csv --how surface";
-
-const INSPECT_EXAMPLES: &str = "\
-Examples:
-  ringlight inspect office.glb
-  ringlight inspect office.glb --quality high --json";
-
-const VIEW_FACTOR_EXAMPLES: &str = "\
-Faces see from their front, from which their corners run counter-clockwise; all faces block from both sides.
-
-Examples:
-  ringlight viewfactors room.obj -o F.csv                             a row for each object
-  ringlight viewfactors room.obj -o F.csv --per face --errors E.csv   a row for each face, and error estimates
-  ringlight viewfactors city.obj -o F.csv --per face --min 1e-5       only factors from 0.00001, a line each
-  ringlight viewfactors room.glb -o F.npy --sides both --report F.json
-
-Exit codes: 0 done, 1 error, 2 usage, 3 bad scene, 130 interrupted and 143 terminated, both without output.";
-
-const COMPLETIONS_EXAMPLES: &str = "\
-Examples:
-  ringlight completions bash > ~/.local/share/bash-completion/completions/ringlight";
 
 /// `bake`.
 #[derive(Debug, Args)]
@@ -408,6 +353,24 @@ pub struct SpreadArguments {
     pub routing: RoutingChoice,
 }
 
+/// How a solve is watched in the browser. Nothing of it changes the result.
+#[derive(Clone, Debug, Args)]
+pub struct ViewArguments {
+    /// Show the solve in the browser while it goes on; the link is printed. ADDR is host:port: 127.0.0.1 and a free port by
+    /// default; with any other address than one of this machine's own the link holds a secret
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, require_equals = true, default_missing_value = VIEW_ADDRESS)]
+    pub view: Option<String>,
+    /// Shots between two updates of what is shown; by time as it costs little by default
+    #[arg(long, value_name = "P", value_parser = clap::value_parser!(u64).range(1..))]
+    pub view_every: Option<u64>,
+    /// Go on showing when all is done, until interrupted
+    #[arg(skip)]
+    pub stay: bool,
+}
+
+/// Where the page is served unless something else is asked for.
+pub const VIEW_ADDRESS: &str = "127.0.0.1:0";
+
 /// How the command runs.
 #[derive(Debug, Args)]
 pub struct RunArguments {
@@ -423,6 +386,8 @@ pub struct RunArguments {
     /// Progress on standard error; auto: a bar on terminals, else plain lines
     #[arg(long, value_enum, default_value = "auto")]
     pub progress: ProgressChoice,
+    #[command(flatten)]
+    pub view: ViewArguments,
     /// Say more: sizes, stages and their times
     #[arg(long, short)]
     pub verbose: bool,

@@ -8,6 +8,7 @@ use crate::launch;
 use crate::outputs::{self, Others};
 use crate::progress::Stage;
 use crate::run::{self, Baked, Made, Run};
+use crate::showing::Subject;
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
 use ringlight::quantity::Rgb;
@@ -39,7 +40,8 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
         dark.add("no-light-leaves", message, Place::new(path.display().to_string(), ""));
         run.warn(&dark);
     }
-    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
+    let subject = Subject { description: &description, mesh: &mesh, settings, images: &images };
+    let solved = run.solve(subject, &world, &mut ring, state, &arguments.stop)?;
     let hierarchy = run.whole_hierarchy(&ring);
     drop(ring);
     let mut reported = run::settings(&settings, &mesh, &arguments.stop);

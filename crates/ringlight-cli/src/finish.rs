@@ -34,7 +34,7 @@ impl Run<'_, '_> {
         let end = (baked.solved.progress, baked.solved.reason);
         self.write_solutions(&baked, targets, &mut outcome)?;
         let report = self.begin_report(&baked, settings)?;
-        self.write_others(baked, targets, (display, host, hierarchy), &mut outcome)?;
+        let solution = self.write_others(baked, targets, (display, host, hierarchy), &mut outcome)?;
         self.seconds.total = self.start.elapsed().as_secs_f64();
         self.write_report(report, &mut outcome)?;
         // All but the last are said here, the last by whoever takes the failure.
@@ -45,10 +45,20 @@ impl Run<'_, '_> {
         }
         let (progress, reason) = end;
         self.say(&summary(&progress, reason, self.seconds.total));
+        let signal = match &mut self.showing {
+            Some(showing) if self.arguments.view.stay => {
+                Some(showing.stay(solution.as_ref(), &self.signals, self.ranks)?)
+            }
+            Some(showing) => {
+                showing.done();
+                self.signals.reason()
+            }
+            None => self.signals.reason(),
+        };
         // A signal that came while outputs were written counts as well.
-        Ok(match self.signals.reason().unwrap_or(reason) {
+        Ok(match signal.unwrap_or(reason) {
             StopReason::Converged | StopReason::NothingLeft | StopReason::MaxShots => End::Done,
-            StopReason::TimeLimit => End::StoppedEarly,
+            StopReason::Stopped | StopReason::TimeLimit => End::StoppedEarly,
             StopReason::Interrupted => End::Interrupted,
             StopReason::Terminated => End::Terminated,
         })
@@ -78,17 +88,18 @@ impl Run<'_, '_> {
     }
 
     /// Writes all other outputs, from light that is kept with the mesh: on the first rank, but for pictures, which all draw
-    /// together.
+    /// together. Gives the first rank the solution, if it is still needed.
     fn write_others(
         &mut self,
         baked: Baked,
         targets: &Targets,
         (display, host, hierarchy): (&DisplayArguments, &Host, Option<Arc<Hierarchy>>),
         outcome: &mut Outcome,
-    ) -> Result<(), Failure> {
+    ) -> Result<Option<Solution>, Failure> {
         let others: Vec<&Output> = targets.output.iter().filter(|output| output.kind != Kind::Solution).collect();
-        if others.is_empty() {
-            return Ok(());
+        let stay = self.arguments.view.stay;
+        if others.is_empty() && !stay {
+            return Ok(None);
         }
         let Baked { made: Made { mesh, description, images }, settings, solved } = baked;
         let (ledger, energy) = (Ledger::of(&solved.state), solved.energy);
@@ -98,14 +109,15 @@ impl Run<'_, '_> {
         };
         let pictures = others.iter().any(|output| output.kind.is_picture());
         if !pictures && light.is_none() {
-            return Ok(());
+            return Ok(None);
         }
         let light = light.unwrap_or_default();
         let mut solution = Solution { description, mesh, settings, ledger, light, energy, images };
         if pictures {
             solution = reading::everywhere(self.ranks, host, solution)?;
         }
-        self.write(&others, &Content { solution: &solution, display }, hierarchy, outcome)
+        self.write(&others, &Content { solution: &solution, display }, hierarchy, outcome)?;
+        Ok((stay && self.is_first()).then_some(solution))
     }
 
     /// Writes outputs on the first rank. One that fails does not keep the others from being written.
@@ -215,6 +227,7 @@ fn summary(progress: &Progress, reason: StopReason, seconds: f64) -> String {
         StopReason::Converged => "converged",
         StopReason::NothingLeft => "converged: nothing is left to shoot",
         StopReason::MaxShots => "stopped by --max-shots",
+        StopReason::Stopped => "stopped from the page",
         StopReason::TimeLimit => "stopped by --time-limit",
         StopReason::Interrupted => "interrupted",
         StopReason::Terminated => "terminated",

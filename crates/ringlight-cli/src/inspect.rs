@@ -215,7 +215,8 @@ struct Trial(Instant);
 
 impl Observer for Trial {
     fn control(&mut self) -> Control {
-        if self.0.elapsed().as_secs_f64() < TRIAL { Control::Continue } else { Control::Stop(StopReason::TimeLimit) }
+        let late = self.0.elapsed().as_secs_f64() >= TRIAL;
+        Control { stop: late.then_some(StopReason::TimeLimit), ..Control::default() }
     }
 }
 

@@ -20,9 +20,11 @@ mod reading;
 mod resume;
 mod run;
 mod scratch;
+mod showing;
 mod signals;
 mod spread;
 mod values;
+mod view;
 mod viewfactors;
 mod watch;
 
@@ -37,7 +39,7 @@ use std::process::ExitCode;
 fn main() -> ExitCode {
     machine::watch_private_memory();
     let verb = match Arguments::try_parse() {
-        Ok(arguments) => arguments.verb,
+        Ok(arguments) => view::asked(arguments.verb),
         Err(error) if launch::speaks() => error.exit(),
         Err(_) => return ExitCode::SUCCESS,
     };
@@ -51,7 +53,9 @@ fn main() -> ExitCode {
 /// Where to run, and with how many threads.
 fn place(verb: &Verb) -> Result<(Launch, Option<usize>), Failure> {
     let (name, threads) = match verb {
-        Verb::Bake(bake) => return Ok((Launch::spread(bake.spread.ranks)?, bake.running.threads)),
+        Verb::Bake(bake) | Verb::View(bake) => {
+            return Ok((Launch::spread(bake.spread.ranks)?, bake.running.threads));
+        }
         Verb::Resume(resume) => return Ok((Launch::spread(resume.spread.ranks)?, resume.running.threads)),
         Verb::Export(verb) | Verb::Render(verb) => return Ok((Launch::spread(verb.spread.ranks)?, verb.threads)),
         Verb::Probe(probe) => return Ok((Launch::spread(probe.spread.ranks)?, probe.threads)),
@@ -65,6 +69,7 @@ fn place(verb: &Verb) -> Result<(Launch, Option<usize>), Failure> {
 fn act(verb: &Verb, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
     match verb {
         Verb::Bake(bake) => bake::bake(bake, ranks),
+        Verb::View(view) => view::view(view, ranks),
         Verb::Resume(resume) => resume::resume(resume, ranks),
         Verb::Export(export) => export::export(export, ranks),
         Verb::Render(export) => export::render(export, ranks),

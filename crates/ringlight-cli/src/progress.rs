@@ -234,24 +234,32 @@ pub fn duration(seconds: f64) -> String {
 
 /// How fast it goes: from now and half the time ago.
 #[derive(Default)]
-struct Pace {
+pub struct Pace {
     notes: Vec<(Instant, Progress)>,
 }
 
 impl Pace {
-    fn note(&mut self, now: Instant, progress: &Progress) {
+    /// Remembers how far it was.
+    pub fn note(&mut self, now: Instant, progress: &Progress) {
         if self.notes.last().is_none_or(|(last, _)| now - *last >= Duration::from_millis(250)) {
             self.notes.push((now, *progress));
         }
     }
 
-    fn rays_per_second(&self, now: Instant, progress: &Progress) -> f64 {
+    /// Rays per second so far.
+    pub fn rays_per_second(&self, now: Instant, progress: &Progress) -> f64 {
         let elapsed = self.notes.first().map_or(0.0, |(first, _)| (now - *first).as_secs_f64());
         if elapsed > 0.0 { progress.rays as f64 / elapsed } else { 0.0 }
     }
 
     /// Seconds to the first stop rule that will be met; nothing while too little is known.
-    fn seconds_left(&self, now: Instant, progress: &Progress, stop: &StopArguments, elapsed: Duration) -> Option<f64> {
+    pub fn seconds_left(
+        &self,
+        now: Instant,
+        progress: &Progress,
+        stop: &StopArguments,
+        elapsed: Duration,
+    ) -> Option<f64> {
         let (then, before) = self.notes.get(self.notes.len() / 2)?;
         let span = (now - *then).as_secs_f64();
         let measured =

@@ -9,6 +9,7 @@ use crate::launch;
 use crate::outputs::{self, Others};
 use crate::progress::Stage;
 use crate::run::{self, Baked, Made, Run};
+use crate::showing::Subject;
 use anyhow::Context;
 use ringlight::column::Store;
 use ringlight::solution::{LightFile, SolutionFile};
@@ -37,7 +38,8 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     if state.emitters_shot as usize > world.emitters.len() {
         return Err(anyhow::anyhow!("{}: more lights have shot than there are", path.display()).into());
     }
-    let solved = run.solve(&description, &world, &mut ring, state, &arguments.stop)?;
+    let subject = Subject { description: &description, mesh: &mesh, settings, images: &images };
+    let solved = run.solve(subject, &world, &mut ring, state, &arguments.stop)?;
     let hierarchy = run.whole_hierarchy(&ring);
     drop(ring);
     drop(world);

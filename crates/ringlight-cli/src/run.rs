@@ -7,6 +7,7 @@ use crate::launch::COMMAND;
 use crate::machine;
 use crate::outputs::Others;
 use crate::progress::{Reporter, Stage};
+use crate::showing::{Showing, Subject};
 use crate::signals::Signals;
 use crate::spread;
 use crate::watch::{Checkpoint, Watch};
@@ -19,7 +20,7 @@ use ringlight::ring::{Demand, Rings};
 use ringlight::scene::{Place, Warnings};
 use ringlight::solution::{Description, OwnLight};
 use ringlight::solve::{
-    self, Energy, Progress, Ring, Share, SolveSettings, Solver, State, StopReason, StopRule, World,
+    self, Energy, Observer, Progress, Ring, Share, SolveSettings, Solver, State, StopReason, StopRule, World,
 };
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
@@ -45,6 +46,8 @@ pub struct Run<'a, 'b> {
     pub(crate) start: Instant,
     pub(crate) signals: Signals,
     pub(crate) reporter: Reporter,
+    /// If it is watched in the browser.
+    pub(crate) showing: Option<Showing>,
     pub(crate) seconds: Seconds,
     pub(crate) warnings: Warnings,
 }
@@ -102,10 +105,15 @@ impl<'a, 'b> Run<'a, 'b> {
         let signals = Signals::listen().context("signals cannot be listened to")?;
         let progress = if ranks.rank() == 0 { arguments.progress } else { ProgressChoice::None };
         let reporter = Reporter::new(progress, arguments.quiet, arguments.verbose, start);
+        let showing = Showing::open(&arguments.view, ranks.rank() == 0)?;
+        if let Some(link) = showing.as_ref().and_then(Showing::link) {
+            // Also to those who want silence: nobody could guess it.
+            reporter.say(&format!("view: {link}"));
+        }
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
         let (rings, own) = (Rings::one(ranks.size()), RankReport::default());
         let balance = Vec::new();
-        Ok(Run { arguments, spread, ranks, rings, own, balance, start, signals, reporter, seconds, warnings })
+        Ok(Run { arguments, spread, ranks, rings, own, balance, start, signals, reporter, showing, seconds, warnings })
     }
 
     pub fn is_first(&self) -> bool {
@@ -225,19 +233,27 @@ impl<'a, 'b> Run<'a, 'b> {
     /// Solves from `state`, or from the dark, until a stop rule, the time limit or a signal ends it.
     pub fn solve(
         &mut self,
-        description: &Description,
+        subject: Subject<'_>,
         world: &World<'_>,
         ring: &mut Ring<'_>,
         mut state: State,
         stop: &StopArguments,
     ) -> Result<Solved, Failure> {
         let rule = StopRule { until: stop.until, max_shots: stop.max_shots };
+        if let Some(showing) = &self.showing {
+            showing.begin(&subject, Some(stop.until), self.ranks.size());
+        }
         let (reason, progress, checkpoint_failed) = self.stage(Stage::Solve, |run| {
             let checkpoint = run.arguments.checkpoint.as_ref().map(Checkpoint::new);
-            let Run { ranks, reporter, signals, start, .. } = run;
-            let mut watch = Watch { reporter, signals, start: *start, stop, description, world, checkpoint };
+            let Run { ranks, reporter, signals, start, showing, .. } = run;
+            let (start, showing) = (*start, showing.as_mut());
+            let mut watch = Watch { reporter, signals, start, stop, subject, world, checkpoint, showing };
             let (reason, progress) = solve::solve(world, ring, &mut state, &rule, ranks, &mut watch)?;
             watch.reporter.shot(&progress, stop, true);
+            watch.show(&state, ring, ranks)?;
+            if let Some(showing) = &mut watch.showing {
+                showing.end(&progress, reason, start);
+            }
             Ok::<_, Failure>((reason, progress, watch.checkpoint.and_then(|checkpoint| checkpoint.failed)))
         })?;
         if let Some(error) = checkpoint_failed {

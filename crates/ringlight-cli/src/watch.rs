@@ -3,10 +3,11 @@
 use crate::arguments::StopArguments;
 use crate::files;
 use crate::progress::Reporter;
+use crate::showing::{Showing, Subject};
 use crate::signals::Signals;
 use crate::values::CheckpointChoice;
-use ringlight::solution::{self, Description, OwnLight, Snapshot};
-use ringlight::solve::{Control, Ledger, Observer, Progress, State, StopReason, World};
+use ringlight::solution::{self, OwnLight, Snapshot};
+use ringlight::solve::{Control, Ledger, Observer, Progress, Ring, State, StopReason, World};
 use ringlight::transport::{Communicator, Failure};
 use std::time::Instant;
 
@@ -20,31 +21,45 @@ pub struct Watch<'a> {
     pub start: Instant,
     /// When to stop.
     pub stop: &'a StopArguments,
-    /// What a saved solution says beside the light.
-    pub description: &'a Description,
+    /// What is saved and shown beside the light.
+    pub subject: Subject<'a>,
     /// What is solved.
     pub world: &'a World<'a>,
     /// Where to save.
     pub checkpoint: Option<Checkpoint<'a>>,
+    /// Where it is watched.
+    pub showing: Option<&'a mut Showing>,
 }
 
 impl Observer for Watch<'_> {
     fn control(&mut self) -> Control {
         let late = self.stop.time_limit.is_some_and(|limit| self.start.elapsed().as_secs_f64() >= limit);
-        match self.signals.reason().or(late.then_some(StopReason::TimeLimit)) {
-            Some(reason) => Control::Stop(reason),
-            None if self.checkpoint.as_ref().is_some_and(Checkpoint::is_due) => Control::Checkpoint,
-            None => Control::Continue,
+        let mut control = Control {
+            stop: self.signals.reason().or(late.then_some(StopReason::TimeLimit)),
+            checkpoint: self.checkpoint.as_ref().is_some_and(Checkpoint::is_due),
+            ..Control::default()
+        };
+        if let Some(showing) = &self.showing {
+            showing.wish(&mut control);
         }
+        control
     }
 
     fn observe(&mut self, progress: &Progress) {
         self.reporter.shot(progress, self.stop, false);
+        if let Some(showing) = &mut self.showing {
+            showing.note(progress, self.stop, self.start);
+        }
+    }
+
+    fn show(&mut self, state: &State, ring: &Ring<'_>, ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+        let Some(showing) = &mut self.showing else { return Ok(()) };
+        showing.show(&self.subject, (self.world, state), ring, ranks)
     }
 
     fn checkpoint(&mut self, state: &State, ranks: &mut Communicator<'_>) -> Result<(), Failure> {
         let energy = state.energy(self.world, ranks)?;
-        let (description, World { mesh, settings, share, .. }) = (self.description, self.world);
+        let (description, World { mesh, settings, share, .. }) = (self.subject.description, self.world);
         let snapshot = Snapshot { description, mesh, settings, ledger: &Ledger::of(state), energy: &energy };
         let light = OwnLight { own: &share.own, clusters: &state.clusters };
         self.checkpoint.as_mut().map_or(Ok(()), |checkpoint| checkpoint.write(&snapshot, light, ranks))

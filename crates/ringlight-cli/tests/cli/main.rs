@@ -7,5 +7,9 @@ mod probe;
 mod ranks;
 mod readers;
 mod sameness;
+#[cfg(unix)]
+mod view;
 mod viewfactors;
+#[cfg(unix)]
+mod watcher;
 mod workshop;

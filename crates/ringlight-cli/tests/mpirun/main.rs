@@ -4,8 +4,15 @@
 #[allow(dead_code, reason = "the command's other tests use the rest")]
 mod workshop;
 
+#[cfg(unix)]
+#[path = "../cli/watcher.rs"]
+#[allow(dead_code, reason = "the command's other tests use the rest")]
+mod watcher;
+
 #[cfg(target_os = "linux")]
 mod memory;
+#[cfg(target_os = "linux")]
+mod view;
 
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};

@@ -15,7 +15,7 @@ mod seen;
 mod table;
 mod vtu;
 
-pub use ambient::ambient;
+pub use ambient::{AmbientSums, ambient};
 pub use camera::{CameraError, Projection, View};
 pub use exposure::Exposure;
 pub use factors::{FactorForm, FactorValue, FactorWriter};

@@ -40,12 +40,12 @@ pub struct Summary {
     pub tally: Tally,
     /// Whether the emission of some patch has not been shot.
     pub emission_waits: bool,
-    /// What the ranks want: the strongest wish.
+    /// What the ranks want.
     pub control: Control,
 }
 
 /// Bytes of a [`Summary`].
-const BYTES: usize = 16 + 16 + 24 + 2;
+const BYTES: usize = 16 + 16 + 24 + 3;
 
 impl Summary {
     /// Of both.
@@ -55,7 +55,7 @@ impl Summary {
             unshot: self.unshot.join(other.unshot),
             tally: self.tally.join(other.tally),
             emission_waits: self.emission_waits || other.emission_waits,
-            control: if strength(self.control) < strength(other.control) { other.control } else { self.control },
+            control: self.control.join(other.control),
         }
     }
 
@@ -72,7 +72,9 @@ impl Summary {
         let Tally { rays, masks, masks_without_rays } = self.tally;
         [rays, masks, masks_without_rays].iter().for_each(|n| bytes.extend_from_slice(&n.to_le_bytes()));
         bytes.push(u8::from(self.emission_waits));
-        bytes.push(strength(self.control));
+        let Control { checkpoint, show, wait, stop } = self.control;
+        bytes.push(u8::from(checkpoint) | u8::from(show) << 1 | u8::from(wait) << 2);
+        bytes.push(REASONS.iter().position(|&reason| reason == stop).unwrap_or(0) as u8);
         bytes.try_into().unwrap_or([0; BYTES])
     }
 
@@ -87,26 +89,26 @@ impl Summary {
             unshot: ExactSum(i128::from_le_bytes(part(&bytes, 16))),
             tally: Tally { rays: number(32), masks: number(40), masks_without_rays: number(48) },
             emission_waits: bytes[56] != 0,
-            control: CONTROLS.get(usize::from(bytes[57])).copied().unwrap_or_default(),
+            control: Control {
+                checkpoint: bytes[57] & 1 != 0,
+                show: bytes[57] & 2 != 0,
+                wait: bytes[57] & 4 != 0,
+                stop: REASONS.get(usize::from(bytes[58])).copied().unwrap_or_default(),
+            },
         }
     }
 }
 
-/// The number of a control in [`CONTROLS`].
-fn strength(control: Control) -> u8 {
-    CONTROLS.iter().position(|&known| known == control).unwrap_or(0) as u8
-}
-
-/// Controls by their number on the way, the strongest last.
-const CONTROLS: [Control; 8] = [
-    Control::Continue,
-    Control::Checkpoint,
-    Control::Stop(StopReason::Converged),
-    Control::Stop(StopReason::NothingLeft),
-    Control::Stop(StopReason::MaxShots),
-    Control::Stop(StopReason::TimeLimit),
-    Control::Stop(StopReason::Interrupted),
-    Control::Stop(StopReason::Terminated),
+/// Reasons to stop by their number on the way.
+const REASONS: [Option<StopReason>; 8] = [
+    None,
+    Some(StopReason::Converged),
+    Some(StopReason::NothingLeft),
+    Some(StopReason::MaxShots),
+    Some(StopReason::Stopped),
+    Some(StopReason::TimeLimit),
+    Some(StopReason::Interrupted),
+    Some(StopReason::Terminated),
 ];
 
 #[cfg(test)]
@@ -123,7 +125,9 @@ mod tests {
 
     #[test]
     fn summaries_arrive_as_they_were_sent() {
-        for control in CONTROLS {
+        for (number, stop) in REASONS.into_iter().enumerate() {
+            let [checkpoint, show, wait] = [1, 2, 4].map(|bit| number & bit != 0);
+            let control = Control { checkpoint, show, wait, stop };
             let summary = Summary {
                 offer: Offer::new(3.5, 77),
                 unshot: ExactSum(-5),
@@ -133,5 +137,13 @@ mod tests {
             };
             assert_eq!(Summary::from_bytes(summary.to_bytes()), summary);
         }
+    }
+
+    #[test]
+    fn what_any_rank_wants_is_wanted() {
+        let stop = |reason| Control { stop: Some(reason), ..Control::default() };
+        let joined = stop(StopReason::TimeLimit).join(Control { show: true, ..stop(StopReason::Interrupted) });
+        assert_eq!(joined, Control { show: true, ..stop(StopReason::Interrupted) });
+        assert!(REASONS.is_sorted());
     }
 }

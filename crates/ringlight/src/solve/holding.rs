@@ -54,6 +54,12 @@ impl<'a> Holding<'a> {
         &self.balance
     }
 
+    /// The rank that holds a facet.
+    pub fn holder(&self, facet: u32) -> usize {
+        let piece = facet as usize / self.run;
+        self.members.start + self.balance.holders().get(piece).map_or(0, |&member| member as usize)
+    }
+
     /// Tells the others this member's load in the last shots, and takes theirs; whether geometry has moved. Every member
     /// calls it.
     pub fn rebalance(

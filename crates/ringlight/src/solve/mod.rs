@@ -69,7 +69,7 @@ pub struct StopRule {
 }
 
 /// Why a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StopReason {
     /// The stop rule is met.
@@ -78,6 +78,8 @@ pub enum StopReason {
     NothingLeft,
     /// The number of shots is reached.
     MaxShots,
+    /// The observer asked for it: whoever watches finds it good enough.
+    Stopped,
     /// The observer asked for it: time limit.
     TimeLimit,
     /// The observer asked for it: interrupted.
@@ -86,16 +88,29 @@ pub enum StopReason {
     Terminated,
 }
 
-/// What the observer wants before a shot.
+/// What the observer wants before a shot. What any rank wants is done on all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Control {
-    /// Go on.
-    #[default]
-    Continue,
-    /// Have the state saved, then go on.
-    Checkpoint,
-    /// Stop, with a valid state.
-    Stop(StopReason),
+pub struct Control {
+    /// Have the state saved.
+    pub checkpoint: bool,
+    /// Have the state shown.
+    pub show: bool,
+    /// Shoot nothing yet, but ask again.
+    pub wait: bool,
+    /// Stop, with a valid state; of several reasons the last in the order of [`StopReason`] counts.
+    pub stop: Option<StopReason>,
+}
+
+impl Control {
+    /// All of both.
+    fn join(self, other: Control) -> Control {
+        Control {
+            checkpoint: self.checkpoint || other.checkpoint,
+            show: self.show || other.show,
+            wait: self.wait || other.wait,
+            stop: self.stop.max(other.stop),
+        }
+    }
 }
 
 /// Solves from `state` by the method of the settings, until it is good or the observer ends it; every rank of the world calls it.
@@ -115,16 +130,21 @@ pub fn solve(
 
 /// Watches a run.
 pub trait Observer {
-    /// Whether to go on; asked of every rank before the first shot and after every shot. The strongest wish is heeded by all.
+    /// What to do; asked of every rank before the first shot and after every shot, and again while it is to wait.
     fn control(&mut self) -> Control {
-        Control::Continue
+        Control::default()
     }
 
-    /// Told of every rank before the first shot and after every shot.
+    /// Told of every rank whenever it is asked.
     fn observe(&mut self, _progress: &Progress) {}
 
     /// Saves the state, of which every rank holds its own clusters; called on all of them at the same time.
     fn checkpoint(&mut self, _state: &State, _ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    /// Shows the state, of which every rank holds its own clusters; called on all of them at the same time.
+    fn show(&mut self, _state: &State, _ring: &Ring<'_>, _ranks: &mut Communicator<'_>) -> Result<(), Failure> {
         Ok(())
     }
 }

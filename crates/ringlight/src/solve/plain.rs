@@ -44,10 +44,10 @@ pub fn plain(
 ) -> Result<(StopReason, Progress), Failure> {
     let mut under_way = UnderWay::new();
     let mut audits = Audits::default();
-    // Whether the last shot has been committed since the observer was told.
+    // Whether the observer is to be asked: it has waited, or a shot has been committed since.
     let mut news = true;
     loop {
-        let control = if news { observer.control() } else { Control::Continue };
+        let control = if news { observer.control() } else { Control::default() };
         let summary = summarise(ring, state, &under_way, control);
         let joined = ranks
             .all_reduce_meanwhile(CHOOSE, summary.to_bytes(), Summary::join_bytes, &mut |ranks| ring.serve(ranks))?;
@@ -58,14 +58,21 @@ pub fn plain(
             news = false;
         }
         let end = reason_to_stop(world, state, stop, &joined, &progress);
-        if end.is_some() || joined.control == Control::Checkpoint {
+        if end.is_some() || joined.control.checkpoint {
             audits.settle(world, ring, state, ranks)?;
         }
-        if joined.control == Control::Checkpoint {
+        if joined.control.checkpoint {
             observer.checkpoint(state, ranks)?;
+        }
+        if joined.control.show {
+            observer.show(state, ring, ranks)?;
         }
         if let Some(reason) = end {
             return Ok((reason, progress));
+        }
+        if joined.control.wait {
+            news = true;
+            continue;
         }
         let number = state.shots + under_way.len() as u64;
         let room = (under_way.len() as u64) < u64::from(world.settings.shooters_in_flight);
@@ -100,8 +107,8 @@ fn reason_to_stop(
     joined: &Summary,
     progress: &Progress,
 ) -> Option<StopReason> {
-    if let Control::Stop(reason) = joined.control {
-        return Some(reason);
+    if joined.control.stop.is_some() {
+        return joined.control.stop;
     }
     if stop.max_shots.is_some_and(|n| state.shots >= n) {
         return Some(StopReason::MaxShots);

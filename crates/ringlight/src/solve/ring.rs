@@ -123,6 +123,11 @@ impl<'a> Ring<'a> {
         }
     }
 
+    /// The rank that holds the geometry of a facet for this rank's ring.
+    pub fn holder(&self, facet: u32) -> usize {
+        self.wider().map_or(self.share.rank, |wider| wider.holding.holder(facet))
+    }
+
     /// How the load of the ring's members was balanced; none in a ring of one.
     pub fn windows(&self) -> &[Window] {
         self.wider().map_or(&[], |wider| wider.holding.balance().windows())

@@ -12,7 +12,7 @@ mod passes;
 
 use super::choice::Summary;
 use super::plain::Audits;
-use super::{Control, Observer, Progress, Ring, State, StopReason, World};
+use super::{Observer, Progress, Ring, State, StopReason, World};
 use crate::mesh::Inquiry;
 use crate::quantity::Rgb;
 use crate::shooting::{self, ClusterLight, Field, Receivers, Shoot, ShooterTree, TreeLight};
@@ -69,14 +69,12 @@ pub fn group(
     let mut received = exchange.all(ranks, if state.rounds > 0 { &state.clusters } else { &direct })?;
     let tree = Arc::new(ShooterTree::new(mesh));
     let mut solving = Solving { world, exchange, tree, direct, tally: Tally::default(), observer };
-    let mut progress = Progress::default();
     for round in state.rounds as usize..ROUNDS.len() {
-        let control;
-        (control, progress) = solving.round(ring, state, (round, error as f32), &mut received, ranks)?;
-        if let Control::Stop(reason) = control {
+        if let (Some(reason), progress) = solving.round(ring, state, (round, error as f32), &mut received, ranks)? {
             return Ok((reason, progress));
         }
     }
+    let (_, progress) = solving.tell(ring, state, ranks)?;
     Ok((StopReason::Converged, progress))
 }
 
@@ -116,7 +114,7 @@ impl Solving<'_, '_, '_> {
         (round, error): (usize, f32),
         received: &mut Vec<Rgb>,
         ranks: &mut Communicator<'_>,
-    ) -> Result<(Control, Progress), Failure> {
+    ) -> Result<(Option<StopReason>, Progress), Failure> {
         let (mesh, tree) = (self.world.mesh, self.tree.clone());
         let floor = passes::floor(mesh, received);
         // What is not known yet is guessed, so that there are links for it.
@@ -138,10 +136,10 @@ impl Solving<'_, '_, '_> {
         let mut links: Vec<(usize, Links)> = Vec::new();
         let mut progress = Progress::default();
         for part in 0..PARTS {
-            let joined = self.tell(state, ranks)?;
-            progress = joined.1;
-            if let Control::Stop(_) = joined.0 {
-                return Ok(joined);
+            let stop;
+            (stop, progress) = self.tell(ring, state, ranks)?;
+            if stop.is_some() {
+                return Ok((stop, progress));
             }
             let clusters = part * own.len() / PARTS..(part + 1) * own.len() / PARTS;
             let all = clusters.flat_map(|place| {
@@ -172,26 +170,38 @@ impl Solving<'_, '_, '_> {
         if state.rounds as usize == ROUNDS.len() {
             self.audit(ring, state, received, ranks)?;
         }
-        Ok((Control::Continue, progress))
+        Ok((None, progress))
     }
 
-    /// Tells the observer how far it is, and heeds the strongest wish of any rank.
-    fn tell(&mut self, state: &mut State, ranks: &mut Communicator<'_>) -> Result<(Control, Progress), Failure> {
-        let summary = Summary { tally: self.tally, control: self.observer.control(), ..Summary::default() };
-        let joined = ranks.all_reduce(ROUND, summary.to_bytes(), Summary::join_bytes)?;
-        let Summary { tally, control, .. } = Summary::from_bytes(joined);
-        let progress = Progress {
-            shots: state.shots,
-            unshot_share: if state.rounds == 0 { 1.0 } else { 0.0 },
-            rays: tally.rays,
-            masks: tally.masks,
-            masks_without_rays: tally.masks_without_rays,
-        };
-        self.observer.observe(&progress);
-        if control == Control::Checkpoint {
-            self.observer.checkpoint(state, ranks)?;
+    /// Tells the observer how far it is, and does what any rank wants; gives the reason to stop, if any.
+    fn tell(
+        &mut self,
+        ring: &Ring<'_>,
+        state: &State,
+        ranks: &mut Communicator<'_>,
+    ) -> Result<(Option<StopReason>, Progress), Failure> {
+        loop {
+            let summary = Summary { tally: self.tally, control: self.observer.control(), ..Summary::default() };
+            let joined = ranks.all_reduce(ROUND, summary.to_bytes(), Summary::join_bytes)?;
+            let Summary { tally, control, .. } = Summary::from_bytes(joined);
+            let progress = Progress {
+                shots: state.shots,
+                unshot_share: if state.rounds == 0 { 1.0 } else { 0.0 },
+                rays: tally.rays,
+                masks: tally.masks,
+                masks_without_rays: tally.masks_without_rays,
+            };
+            self.observer.observe(&progress);
+            if control.checkpoint {
+                self.observer.checkpoint(state, ranks)?;
+            }
+            if control.show {
+                self.observer.show(state, ring, ranks)?;
+            }
+            if control.stop.is_some() || !control.wait {
+                return Ok((control.stop, progress));
+            }
         }
-        Ok((control, progress))
     }
 
     /// Follows what patches send out: of patches at equal steps of power, so that each stands for as much.
