@@ -4,7 +4,7 @@ use crate::scene::{Builder, Meshed, Whole, meshed};
 use ringlight::mesh::NONE;
 use ringlight::scene::{Light, LightKind, Scene};
 use ringlight::shooting::Shoot;
-use ringlight::solve::SolveSettings;
+use ringlight::solve::{SolveSettings, Solver};
 
 /// A scene with what it is solved with.
 pub struct Case {
@@ -24,7 +24,7 @@ impl Case {
 }
 
 fn settings(cells: u32, shoot: Shoot, sky: Option<[f32; 3]>) -> SolveSettings {
-    SolveSettings { cells, shoot, sky, shooters_in_flight: 1 }
+    SolveSettings { solver: Solver::Plain, cells, shoot, sky, shooters_in_flight: 1 }
 }
 
 /// All scenes.

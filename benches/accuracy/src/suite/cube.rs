@@ -4,7 +4,7 @@ use crate::scene::{Builder, meshed, solve};
 use crate::{Bound, Row, Section};
 use ringlight::mesh::Patch;
 use ringlight::shooting::Shoot;
-use ringlight::solve::SolveSettings;
+use ringlight::solve::{SolveSettings, Solver};
 
 /// Radiosity of floor, ceiling and walls with one patch for each face, from the closed forms of the area-averaged form
 /// factors of opposite and adjacent squares (Howell C-11 and C-14).
@@ -35,7 +35,7 @@ pub fn measure() -> Section {
             b.material([0.5; 3], [f32::from(u8::from(faces == 3)); 3])
         });
         let cube = meshed(builder.scene(true), patch, element);
-        let settings = SolveSettings { cells: 64, shoot, sky: None, shooters_in_flight: 1 };
+        let settings = SolveSettings { solver: Solver::Plain, cells: 64, shoot, sky: None, shooters_in_flight: 1 };
         let world = cube.world_of(settings);
         let (state, ..) = solve(&world, 1e-6);
         let face = |y: f64| move |patch: &Patch| (patch.normal.y - y).abs() < 0.5;

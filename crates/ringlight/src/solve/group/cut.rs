@@ -140,7 +140,8 @@ impl Cutting<'_> {
     /// Links the receivers to a node: with few cells first, with more where the edge of a shadow may err by more than is
     /// allowed: 0.27 M^(-3/4) of the light is the error of M cells (root of the mean square).
     async fn link(&mut self, number: u32, node: &Node, estimate: f32) {
-        for side in SIDES {
+        // Cells that have been looked at do not count again.
+        for side in SIDES.into_iter().filter(|&side| side > PROBE || node.children.is_empty()) {
             let cells = (side * side) as f32;
             let is_last = side == 8 || 0.27 * estimate <= self.allowed * cells.sqrt() * cells.sqrt().sqrt();
             if self.is_far(node, side) {
