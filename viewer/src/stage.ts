@@ -19,7 +19,7 @@ const NARROW = 45;
 const REST = 200;
 
 export class Stage {
-  readonly batches = new Batches();
+  readonly batches = new Batches(() => this.invalidate());
   readonly navigation: Navigation;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly under = new THREE.WebGLRenderTarget(1, 1);

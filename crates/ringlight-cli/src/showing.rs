@@ -14,14 +14,14 @@ use ringlight::output::report::Units;
 use ringlight::output::{AmbientSums, Exposure, LitOptions, ambient, write_glb};
 use ringlight::quantity::Rgb;
 use ringlight::resources::Bytes;
-use ringlight::solution::{Description, OwnLight, Solution};
+use ringlight::scene::Alpha;
+use ringlight::solution::{Description, ImageReference, OwnLight, Solution};
 use ringlight::solve::{Control, Ledger, Progress, Ring, SolveSettings, State, StopReason, World};
 use ringlight::transport::{self, Communicator};
-use ringlight_view::protocol::{self, Camera, Hello, Load, Phase, Status};
-use ringlight_view::{Server, display};
+use ringlight_view::protocol::{self, Camera, Hello, Load, Phase, Status, Surface, Texture};
+use ringlight_view::{Image, Server, display};
 use serde::{Deserialize, Serialize};
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Time between two updates at least.
@@ -102,7 +102,11 @@ impl Showing {
         let Some(server) = &self.server else { return };
         let mesh = subject.mesh;
         let geometry = (0..mesh.clusters.len() as u32).into_par_iter().map(|c| display::geometry(mesh, c)).collect();
-        server.stage().begin(&hello(subject, until, ranks), geometry);
+        let image = |(reference, bytes): (&ImageReference, &Option<Bytes>)| {
+            Some(Image { media_type: reference.media_type.clone(), bytes: bytes.clone()? })
+        };
+        let images = subject.description.images.iter().zip(subject.images).map(image).collect();
+        server.stage().begin(&hello(subject, until, ranks), images, geometry);
     }
 
     /// Adds what watchers want to what else is to be done.
@@ -337,6 +341,22 @@ fn hello(subject: &Subject<'_>, until: Option<f64>, ranks: usize) -> Hello {
             half_height: camera.half_height,
         }
     };
+    let surface = |surface: &ringlight::scene::Surface| {
+        let material = &description.materials[surface.material as usize];
+        let at_hand = |texture: &ringlight::scene::Texture| {
+            subject.images.get(texture.image as usize).is_some_and(Option::is_some)
+        };
+        let texture = material.base_texture.filter(at_hand).map(|texture| {
+            let [r, g, b, alpha] = material.base_colour;
+            let cutoff = match material.alpha {
+                Alpha::Mask(cutoff) if alpha > 0.0 => cutoff / alpha,
+                _ => 0.0,
+            };
+            let ringlight::scene::Texture { image, wrap, nearest } = texture;
+            Texture { image, wrap, nearest, factor: [r, g, b], cutoff }
+        });
+        Surface { name: surface.name.to_string(), texture }
+    };
     Hello {
         protocol: protocol::VERSION,
         version: env!("CARGO_PKG_VERSION"),
@@ -350,7 +370,7 @@ fn hello(subject: &Subject<'_>, until: Option<f64>, ranks: usize) -> Hello {
         until: until.unwrap_or(0.0),
         origin: mesh.origin,
         bounds: [low.to_array(), high.to_array()],
-        surfaces: description.surfaces.iter().map(|surface| Arc::clone(&surface.name).to_string()).collect(),
+        surfaces: description.surfaces.iter().map(surface).collect(),
         cameras: description.cameras.iter().enumerate().map(camera).collect(),
         sky: settings.sky.unwrap_or(Rgb::default()),
     }

@@ -25,6 +25,16 @@ pub struct Stage {
     stopped: AtomicBool,
     ended: AtomicBool,
     wishes: Mutex<Vec<oneshot::Sender<Model>>>,
+    images: Mutex<Vec<Option<Image>>>,
+}
+
+/// An encoded image.
+#[derive(Clone)]
+pub struct Image {
+    /// Media type.
+    pub media_type: String,
+    /// The bytes, which stay where they are.
+    pub bytes: ringlight::resources::Bytes,
 }
 
 /// A lit model, or why there is none.
@@ -66,13 +76,15 @@ impl Default for Stage {
             stopped: AtomicBool::new(false),
             ended: AtomicBool::new(false),
             wishes: Mutex::default(),
+            images: Mutex::default(),
         }
     }
 }
 
 impl Stage {
-    /// Begins to show a scene: what it is, and the geometry of its clusters in order.
-    pub fn begin(&self, hello: &Hello, geometry: Vec<Vec<u8>>) {
+    /// Begins to show a scene: what it is, the images of its textures, and the geometry of its clusters in order.
+    pub fn begin(&self, hello: &Hello, images: Vec<Option<Image>>, geometry: Vec<Vec<u8>>) {
+        *lock(&self.images) = images;
         self.change(|shown, now| {
             shown.light = vec![(0, Bytes::new()); geometry.len()];
             shown.geometry = geometry.into_iter().map(|record| (now, record.into())).collect();
@@ -186,6 +198,11 @@ impl Stage {
         self.ended.load(Ordering::Acquire)
     }
 
+    /// An image.
+    pub(crate) fn image(&self, number: usize) -> Option<Image> {
+        lock(&self.images).get(number)?.clone()
+    }
+
     /// Asks for a lit model.
     pub(crate) fn wish(&self) -> oneshot::Receiver<Model> {
         let (sender, receiver) = oneshot::channel();
@@ -264,7 +281,7 @@ mod tests {
     #[test]
     fn a_late_client_gets_the_latest_state_once() {
         let stage = Stage::default();
-        stage.begin(&Hello::default(), vec![vec![1; 8], vec![2; 8]]);
+        stage.begin(&Hello::default(), Vec::new(), vec![vec![1; 8], vec![2; 8]]);
         for brightness in 3..9 {
             stage.light(vec![(1, vec![brightness; 4])]);
         }

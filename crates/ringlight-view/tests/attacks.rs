@@ -19,7 +19,7 @@ type Stream = WebSocket<TcpStream>;
 impl Site {
     fn open() -> Site {
         let server = Server::open("127.0.0.1:0").unwrap();
-        server.stage().begin(&Hello::default(), vec![vec![1; 32], vec![2; 32]]);
+        server.stage().begin(&Hello::default(), Vec::new(), vec![vec![1; 32], vec![2; 32]]);
         server.stage().status(&Status::default());
         let address = server.link().trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
         Site { server, address }
@@ -126,6 +126,10 @@ fn nothing_but_the_page_is_served() {
         "/.gitignore",
         "/index.html%00.js",
         "/src/main.ts",
+        "/image/0",
+        "/image/-1",
+        "/image/../Cargo.toml",
+        "/image/99999999999999999999",
     ] {
         let answer = site.get(path, &site.host());
         assert!(answer.starts_with("HTTP/1.1 40"), "{path}: {answer}");
@@ -146,7 +150,7 @@ fn nothing_but_the_page_is_served() {
 #[test]
 fn a_server_that_others_can_reach_wants_its_token() {
     let server = Server::open("0.0.0.0:0").unwrap();
-    server.stage().begin(&Hello::default(), Vec::new());
+    server.stage().begin(&Hello::default(), Vec::new(), Vec::new());
     let link = server.link().to_owned();
     let (address, query) = link.trim_start_matches("http://").split_once("/?").unwrap();
     let ask = |path: &str| {
@@ -159,7 +163,7 @@ fn a_server_that_others_can_reach_wants_its_token() {
         String::from_utf8_lossy(&answer).into_owned()
     };
     assert_eq!(ask(&format!("/stream?{query}")), "HTTP/1.1 101");
-    for wrong in ["/stream", "/stream?token=", "/stream?token=0", "/model.glb", "/model.glb?token=x"] {
+    for wrong in ["/stream", "/stream?token=", "/stream?token=0", "/model.glb", "/model.glb?token=x", "/image/0"] {
         assert_eq!(ask(wrong), "HTTP/1.1 403", "{wrong}");
     }
     let almost = format!("/stream?{}0", &query[..query.len() - 1]);
