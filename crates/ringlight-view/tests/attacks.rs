@@ -1,7 +1,7 @@
 //! What must not get in: every way is tried on a server that goes on serving its own page meanwhile.
 
 use ringlight_view::protocol::{Hello, Status};
-use ringlight_view::{MOST_WATCHERS, Server};
+use ringlight_view::{Image, MOST_WATCHERS, Server};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
@@ -145,6 +145,24 @@ fn nothing_but_the_page_is_served() {
     }
     assert!(!page.to_lowercase().contains("access-control-allow"));
     assert!(site.serves());
+}
+
+#[test]
+fn images_are_served_as_images_only() {
+    let site = Site::open();
+    let image = |media_type: &str| {
+        let bytes = ringlight::resources::Bytes::new(b"<script>alert(1)</script>".to_vec());
+        Some(Image { media_type: media_type.into(), bytes })
+    };
+    let images = vec![image("image/png"), image("text/html"), image("image/svg+xml"), None];
+    site.server.stage().begin(&Hello::default(), images, Vec::new());
+    let answer = site.get("/image/0", &site.host());
+    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("content-type: image/png\r\n"), "{answer}");
+    for number in 1..5 {
+        assert!(site.get(&format!("/image/{number}"), &site.host()).starts_with("HTTP/1.1 404"));
+    }
+    let cross = format!("{}Origin: http://evil.example\r\n", site.host());
+    assert!(site.get("/image/0", &cross).starts_with("HTTP/1.1 403"));
 }
 
 #[test]
