@@ -32,6 +32,7 @@ export class Batches {
   private readonly filling = fillMaterial(this.material);
   private readonly picking = pickMaterial();
   private batches: Batch[] = [];
+  private world: World | null = null;
   private readonly textures: Textures;
   private texture: THREE.DataTexture | null = null;
   /** Where each cluster's elements begin in the order of drawing. */
@@ -45,6 +46,8 @@ export class Batches {
   /** Makes all buffers anew. */
   build(world: World): void {
     this.clear();
+    if (world !== this.world) this.textures.clear();
+    this.world = world;
     this.texture = new THREE.DataTexture(
       world.light, ROW, world.light.length / 4 / ROW, THREE.RGBAFormat, THREE.FloatType,
     );
@@ -180,7 +183,6 @@ export class Batches {
       this.scene.remove(mesh);
     }
     this.texture?.dispose();
-    this.textures.clear();
     this.batches = [];
     this.starts = [];
   }

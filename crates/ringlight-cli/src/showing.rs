@@ -192,7 +192,7 @@ impl Showing {
             let mut sums = AmbientSums::default();
             self.status.ranks.clear();
             for bytes in parts {
-                let part = take_part(mesh, &bytes, &mut light);
+                let part = take_part(&bytes, &mut light);
                 sums = sums.join(part.ambient);
                 self.status.ranks.push(part.load);
             }
@@ -243,9 +243,9 @@ impl Showing {
         });
         let changed: Vec<Vec<u8>> = changed.collect();
         let words = serde_json::to_vec(&Part { ambient, load: since }).unwrap_or_default();
-        let mut bytes = (words.len() as u32).to_le_bytes().to_vec();
-        bytes.extend_from_slice(&words);
-        changed.iter().for_each(|record| bytes.extend_from_slice(record));
+        let mut bytes = Vec::new();
+        append(&mut bytes, &words);
+        changed.iter().for_each(|record| append(&mut bytes, record));
         bytes
     }
 
@@ -295,22 +295,25 @@ impl Showing {
     }
 }
 
-/// Takes apart what a rank has sent: appends the records of its clusters.
-fn take_part(mesh: &Mesh, bytes: &[u8], light: &mut Vec<(u32, Vec<u8>)>) -> Part {
-    let Some((length, rest)) = bytes.split_first_chunk() else { return Part::default() };
-    let Some((words, mut rest)) = rest.split_at_checked(u32::from_le_bytes(*length) as usize) else {
-        return Part::default();
+/// Appends a piece of what a rank sends, with its length before it.
+fn append(bytes: &mut Vec<u8>, piece: &[u8]) {
+    bytes.extend_from_slice(&(piece.len() as u32).to_le_bytes());
+    bytes.extend_from_slice(piece);
+}
+
+/// Takes apart what a rank has sent: appends the records of its clusters, which begin with their numbers.
+fn take_part(mut bytes: &[u8], light: &mut Vec<(u32, Vec<u8>)>) -> Part {
+    let mut next = || {
+        let (length, rest) = bytes.split_first_chunk()?;
+        let (piece, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        bytes = rest;
+        Some(piece)
     };
-    while let Some(number) = rest.first_chunk() {
-        let cluster = u32::from_le_bytes(*number);
-        if cluster as usize >= mesh.clusters.len() {
-            break;
-        }
-        let Some((record, after)) = rest.split_at_checked(display::light_length(mesh, cluster)) else { break };
-        light.push((cluster, record.to_vec()));
-        rest = after;
+    let part = next().and_then(|words| serde_json::from_slice(words).ok()).unwrap_or_default();
+    while let Some(record) = next() {
+        light.extend(record.first_chunk().map(|cluster| (u32::from_le_bytes(*cluster), record.to_vec())));
     }
-    serde_json::from_slice(words).unwrap_or_default()
+    part
 }
 
 fn hash(record: &[u8]) -> u64 {

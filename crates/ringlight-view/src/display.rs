@@ -152,11 +152,6 @@ pub fn light(mesh: &Mesh, cluster: u32, elements: &[ElementLight]) -> Vec<u8> {
     record
 }
 
-/// Length of what [`light`] gives for a cluster.
-pub fn light_length(mesh: &Mesh, cluster: u32) -> usize {
-    (8 + 6 * mesh.clusters[cluster as usize].elements.len()).next_multiple_of(4)
-}
-
 /// The power of two by which half floats are to be multiplied so that they reach up to `brightest` and as far down as they can.
 fn unit(brightest: f32) -> f32 {
     if brightest > 0.0 && brightest.is_finite() {

@@ -92,9 +92,12 @@ impl Stage {
         });
     }
 
-    /// Shows clusters, by their number, with other geometry.
+    /// Shows clusters, by their number, with other geometry; what was their light is no more.
     pub fn reshape(&self, geometry: Vec<(u32, Vec<u8>)>) {
-        self.change(|shown, now| replace(&mut shown.geometry, now, geometry));
+        self.change(|shown, now| {
+            replace(&mut shown.light, 0, geometry.iter().map(|(cluster, _)| (*cluster, Vec::new())).collect());
+            replace(&mut shown.geometry, now, geometry);
+        });
     }
 
     /// Shows clusters, by their number, in other light.
@@ -292,6 +295,14 @@ mod tests {
         assert!(stage.news(all.change).records.is_empty());
         stage.light(vec![(0, vec![7; 4])]);
         assert_eq!(stage.news(all.change).records.len(), 1);
+        // Light of elements that are no more is not shown.
+        stage.reshape(vec![(0, vec![5; 12]), (1, vec![6; 12])]);
+        stage.light(vec![(1, vec![9; 4])]);
+        for since in [0, all.change] {
+            let records = stage.news(since).records;
+            let bodies: Vec<&[u8]> = records.iter().map(|message| &message[4..]).collect();
+            assert_eq!(bodies, [&[[5; 12], [6; 12]].concat()[..], &[9; 4]]);
+        }
     }
 
     #[test]
