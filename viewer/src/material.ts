@@ -1,6 +1,7 @@
 // How surfaces are drawn. Light lies in a texture, one texel for each joint, so that new light means new texels alone.
 
 import * as THREE from "three";
+import type { Rgb } from "./protocol.js";
 import { ROW } from "./world.js";
 
 /** What is shown. */
@@ -228,6 +229,15 @@ const HEAD = /* glsl */ `
   uniform mat4 projectionMatrix;
   in vec3 position;
 `;
+
+/** What the screen shows of a radiance, as the shader has it. */
+export function shown(radiance: Rgb, exposure: number, filmic: boolean): Rgb {
+  return radiance.map((l) => {
+    const x = Math.min(Math.max(l * exposure, 0), 1e4);
+    const toned = Math.min(filmic ? (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14) : x, 1);
+    return toned <= 0.0031308 ? 12.92 * toned : 1.055 * toned ** (1 / 2.4) - 0.055;
+  }) as Rgb;
+}
 
 /** The number of a quantity in the shader. */
 export function quantityNumber(quantity: Quantity): number {
