@@ -7,10 +7,14 @@ use crate::protocol::{self, Hello, Kind, Status};
 use axum::body::Bytes;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 use tokio::sync::{oneshot, watch};
 
 /// Points of the curves that are kept: of more, every other one goes.
 const MOST_POINTS: usize = 512;
+
+/// A pause ends when nobody has watched for so long: who loads the page again is back before.
+const ABSENCE: Duration = Duration::from_secs(10);
 
 /// Records of a message, bytes: larger messages are cut.
 const MESSAGE: usize = 1 << 20;
@@ -21,6 +25,8 @@ pub struct Stage {
     /// Tells the number of the latest change.
     changes: watch::Sender<u64>,
     watchers: AtomicUsize,
+    /// When the last watcher went away.
+    left: Mutex<Option<Instant>>,
     paused: AtomicBool,
     stopped: AtomicBool,
     ended: AtomicBool,
@@ -72,6 +78,7 @@ impl Default for Stage {
             shown: Mutex::default(),
             changes: watch::Sender::new(0),
             watchers: AtomicUsize::new(0),
+            left: Mutex::default(),
             paused: AtomicBool::new(false),
             stopped: AtomicBool::new(false),
             ended: AtomicBool::new(false),
@@ -172,8 +179,12 @@ impl Stage {
         self.watchers.load(Ordering::Acquire)
     }
 
-    /// Whether a watcher wants the solver to wait.
+    /// Whether a watcher wants the solver to wait. Nobody has to come back for it: a pause ends a while after the last
+    /// watcher has gone.
     pub fn paused(&self) -> bool {
+        if self.watchers() == 0 && lock(&self.left).is_some_and(|left| left.elapsed() > ABSENCE) {
+            self.pause(false);
+        }
         self.paused.load(Ordering::Acquire)
     }
 
@@ -244,6 +255,7 @@ pub(crate) struct Watcher(Arc<Stage>);
 
 impl Drop for Watcher {
     fn drop(&mut self) {
+        *lock(&self.0.left) = Some(Instant::now());
         self.0.watchers.fetch_sub(1, Ordering::AcqRel);
         self.0.changes.send_modify(|_| ());
     }
@@ -333,5 +345,20 @@ mod tests {
         assert!(first.is_some() && second.is_some() && stage.enter(2).is_none());
         drop(first);
         assert!(stage.watchers() == 1 && stage.enter(2).is_some());
+    }
+    #[test]
+    fn a_pause_that_nobody_watches_ends() {
+        let stage = Arc::new(Stage::default());
+        let watcher = stage.enter(1);
+        stage.pause(true);
+        assert!(stage.paused());
+        drop(watcher);
+        assert!(stage.paused());
+        *lock(&stage.left) = Instant::now().checked_sub(2 * ABSENCE);
+        let watcher = stage.enter(1);
+        assert!(stage.paused());
+        drop(watcher);
+        *lock(&stage.left) = Instant::now().checked_sub(2 * ABSENCE);
+        assert!(!stage.paused());
     }
 }
