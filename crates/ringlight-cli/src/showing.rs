@@ -92,9 +92,14 @@ impl Showing {
         }))
     }
 
-    /// The link to open, on the first rank.
-    pub fn link(&self) -> Option<&str> {
-        self.server.as_ref().map(Server::link)
+    /// The link to open, in words, on the first rank.
+    pub fn invitation(&self) -> Option<String> {
+        let link = self.server.as_ref()?.link();
+        let hint = match ringlight_view::is_built() {
+            true => "",
+            false => "\nwarning: this ringlight was built without its page; `cargo xtask viewer` builds it",
+        };
+        Some(format!("view: {link}{hint}"))
     }
 
     /// Begins to show, dark. `until` is the unshot share at which the solver stops, if it goes on.
