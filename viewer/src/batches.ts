@@ -4,6 +4,7 @@
 import * as THREE from "three";
 import { fillMaterial, pickMaterial, surfaceMaterial } from "./material.js";
 import { COVERED } from "./protocol.js";
+import { Textures } from "./textures.js";
 import { ROW, type Cluster, type World } from "./world.js";
 
 /** Elements of a batch: so that sixteen bits tell its corners apart. */
@@ -19,7 +20,7 @@ export interface Seen {
 }
 
 interface Batch {
-  mesh: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial>;
+  mesh: THREE.Mesh<THREE.BufferGeometry, THREE.RawShaderMaterial[]>;
   clusters: number[];
   first: number;
   count: number;
@@ -31,13 +32,22 @@ export class Batches {
   private readonly filling = fillMaterial(this.material);
   private readonly picking = pickMaterial();
   private batches: Batch[] = [];
+  private world: World | null = null;
+  private readonly textures: Textures;
   private texture: THREE.DataTexture | null = null;
   /** Where each cluster's elements begin in the order of drawing. */
   private starts: { cluster: number; first: number }[] = [];
 
+  /** `changed` is called when there is more to be seen. */
+  constructor(changed: () => void) {
+    this.textures = new Textures(this.material, changed);
+  }
+
   /** Makes all buffers anew. */
   build(world: World): void {
     this.clear();
+    if (world !== this.world) this.textures.clear();
+    this.world = world;
     this.texture = new THREE.DataTexture(
       world.light, ROW, world.light.length / 4 / ROW, THREE.RGBAFormat, THREE.FloatType,
     );
@@ -96,15 +106,19 @@ export class Batches {
     const joints = new Uint32Array(corners);
     const colours = new Uint8Array(4 * corners);
     const outward = new Int8Array(4 * corners);
-    const index = count > MOST_ELEMENTS ? new Uint32Array(6 * count) : new Uint16Array(6 * count);
+    const drawn = new Map<THREE.RawShaderMaterial, number[]>([[this.material, []]]);
     const parts = clusters.map((number) => world.clusters[number]!);
     const exitance = parts.some((part) => part.emission.size > 0) ? new Float32Array(3 * corners) : null;
+    const texel = parts.some((part) => part.texels.length > 0) ? new Float32Array(2 * corners) : null;
     let element = 0;
     for (const part of parts) {
       for (let k = 0; k < part.borders.length; k++, element++) {
-        fill(part, k, element, { positions, joints, colours, outward, exitance });
-        const c = 4 * element;
-        if ((part.borders[k]! & COVERED) === 0) index.set([c, c + 1, c + 2, c, c + 2, c + 3], 6 * element);
+        fill(part, k, element, { positions, joints, colours, outward, exitance, texel });
+        if ((part.borders[k]! & COVERED) !== 0) continue;
+        const texture = part.texelsOf[k]! < 0 ? null : world.surface(part.cluster, k)?.texture;
+        const material = texture ? this.textures.material(texture) : this.material;
+        if (!drawn.has(material)) drawn.set(material, []);
+        drawn.get(material)!.push(4 * element);
       }
     }
     const geometry = new THREE.BufferGeometry();
@@ -117,9 +131,10 @@ export class Batches {
     const ranks = new THREE.BufferAttribute(new Uint16Array(2 * corners), 2);
     ranks.gpuType = THREE.IntType;
     geometry.setAttribute("ranks", ranks);
-    geometry.setIndex(new THREE.BufferAttribute(index, 1));
+    if (texel) geometry.setAttribute("texel", new THREE.BufferAttribute(texel, 2));
+    geometry.setIndex(new THREE.BufferAttribute(triangles([...drawn.values()], count, geometry), 1));
     geometry.computeBoundingSphere();
-    const mesh = new THREE.Mesh(geometry, this.material);
+    const mesh = new THREE.Mesh(geometry, [...drawn.keys()]);
     mesh.matrixAutoUpdate = false;
     mesh.onBeforeRender = (_renderer, _scene, _camera, _geometry, material) => {
       if (material === this.picking) {
@@ -179,11 +194,26 @@ interface Buffers {
   colours: Uint8Array;
   outward: Int8Array;
   exitance: Float32Array | null;
+  texel: Float32Array | null;
+}
+
+/** Triangles of elements, by their first corners; each list makes a group with the material of its number. */
+function triangles(lists: number[][], count: number, geometry: THREE.BufferGeometry): Uint16Array | Uint32Array {
+  const index = count > MOST_ELEMENTS ? new Uint32Array(6 * count) : new Uint16Array(6 * count);
+  let at = 0;
+  lists.forEach((corners, material) => {
+    geometry.addGroup(at, 6 * corners.length, material);
+    for (const c of corners) {
+      index.set([c, c + 1, c + 2, c, c + 2, c + 3], at);
+      at += 6;
+    }
+  });
+  return index.subarray(0, at);
 }
 
 /** Fills in the corners of an element. */
 function fill(part: Cluster, k: number, element: number, buffers: Buffers): void {
-  const { positions, joints, colours, outward, exitance } = buffers;
+  const { positions, joints, colours, outward, exitance, texel } = buffers;
   const triangle = part.corners[4 * k + 2] === part.corners[4 * k + 3];
   const bits = (part.borders[k]! & 15) | (triangle ? TRIANGLE : 0);
   // Eight bits tell dark colours apart better as square roots.
@@ -206,6 +236,8 @@ function fill(part: Cluster, k: number, element: number, buffers: Buffers): void
     colours[4 * at + 2] = blue;
     colours[4 * at + 3] = coverage;
     if (exitance && emitted) exitance.set(emitted, 3 * at);
+    const place = part.texelsOf[k]! + 2 * corner;
+    if (texel && part.texelsOf[k]! >= 0) texel.set(part.texels.subarray(place, place + 2), 2 * at);
   }
   for (let at = 4 * element; at < 4 * element + 4; at++) {
     const [x, y, z] = [0, 1, 2].map((axis) => positions[3 * at + axis]! - middle[axis]!) as [number, number, number];

@@ -1,6 +1,7 @@
 // How surfaces are drawn. Light lies in a texture, one texel for each joint, so that new light means new texels alone.
 
 import * as THREE from "three";
+import type { Rgb } from "./protocol.js";
 import { ROW } from "./world.js";
 
 /** What is shown. */
@@ -12,13 +13,14 @@ const VERTEX = /* glsl */ `
   // Pixels by which elements reach over their edges to fill gaps; and by which fillings, and what is dark, stand back.
   #define OVERLAP 0.7
   #define FILL_BEHIND 0.4
-  #define DARK_BEHIND 4.0
-  // Display value, times π, below which something is dark.
+  #define DARK_BEHIND 1.5
+  // Display value of white, times π, below which something is dark.
   #define DARK 0.08
   precision highp sampler2D;
   in uint joint;     // its upper byte: bits of edges that are edges of the patch, and of triangles
   in vec4 colour;    // reflectance and coverage
   in vec3 exitance;
+  in vec2 texel;
   in vec3 outward;   // from the element's middle
   in uvec2 ranks;
   uniform float pixel; // its size, as a share of its distance
@@ -30,6 +32,7 @@ const VERTEX = /* glsl */ `
   out vec3 vExitance;
   out vec3 vPlace;
   out vec2 vWithin;
+  out vec2 vTexel;
   flat out uint vBits;
   flat out uvec2 vRanks;
   flat out uint vDark;
@@ -39,13 +42,14 @@ const VERTEX = /* glsl */ `
     vIrradiance = texelFetch(irradiance, ivec2(number % ${ROW}, number / ${ROW}), 0).rgb;
     vColour = colour;
     vExitance = exitance;
+    vTexel = texel;
     vBits = joint >> 24;
     vRanks = ranks;
     int corner = gl_VertexID & 3;
     bool triangle = (vBits & 16u) != 0u;
     vWithin = triangle ? vec2(corner == 1, corner >= 2) : vec2(corner == 1 || corner == 2, corner >= 2);
     vec4 place = modelViewMatrix * vec4(position, 1.0);
-    vDark = dot(colour.rgb * colour.rgb * vIrradiance, vec3(0.2, 0.7, 0.1)) * exposure < DARK ? 1u : 0u;
+    vDark = dot(vIrradiance, vec3(0.2, 0.7, 0.1)) * exposure < DARK ? 1u : 0u;
     if (fill) place.xyz += mat3(modelViewMatrix) * outward * (OVERLAP * pixel * -place.z);
     place.xyz *= 1.0 + pixel * (fill ? FILL_BEHIND : vDark == 1u ? DARK_BEHIND : 0.0);
     vPlace = place.xyz;
@@ -61,6 +65,7 @@ const FRAGMENT = /* glsl */ `
   in vec3 vExitance;
   in vec3 vPlace;
   in vec2 vWithin;
+  in vec2 vTexel;
   flat in uint vBits;
   flat in uvec2 vRanks;
   flat in uint vDark;
@@ -72,6 +77,11 @@ const FRAGMENT = /* glsl */ `
   uniform int wires;
   uniform vec3 scale;        // low, high, 1 if logarithmic
   uniform sampler2D colours; // of false colour
+  #ifdef TEXTURED
+  uniform sampler2D texels;
+  uniform vec3 factor;
+  uniform float cutoff;
+  #endif
   out vec4 shown;
 
   // The curve fitted to the ACES reference by Narkowicz (2015), as in pictures.
@@ -123,13 +133,20 @@ const FRAGMENT = /* glsl */ `
   }
 
   void main() {
-    if (vColour.a < 0.999 && vColour.a < door()) discard;
+    vec3 reflectance = vColour.rgb * vColour.rgb;
+    float coverage = vColour.a;
+    #ifdef TEXTURED
+    vec4 texel = texture(texels, vTexel);
+    reflectance = min(texel.rgb * factor, 0.95);
+    if (cutoff > 0.0) coverage = texel.a < cutoff ? 0.0 : 1.0;
+    #endif
+    if (coverage < 0.999 && coverage < door()) discard;
     // Insides of closed things would draw lines around them.
     if (fill && vDark == 1u) discard;
     vec3 light = vIrradiance + ambient;
     vec3 normal = normalize(cross(dFdx(vPlace), dFdy(vPlace)));
     vec3 colour;
-    if (quantity == 0) colour = encode(tone((vColour.rgb * vColour.rgb * light + vExitance) / 3.14159265 * exposure));
+    if (quantity == 0) colour = encode(tone((reflectance * light + vExitance) / 3.14159265 * exposure));
     else if (quantity == 1) colour = falseColour(dot(light, vec3(0.2126, 0.7152, 0.0722)));
     else colour = rankColour(quantity == 2 ? vRanks.x : vRanks.y, normal);
     float line = 0.0;
@@ -178,7 +195,7 @@ export function surfaceMaterial(): THREE.RawShaderMaterial {
       colours: { value: null },
     },
   });
-  Object.assign(material.defaultAttributeValues, { exitance: [0, 0, 0] });
+  Object.assign(material.defaultAttributeValues, { exitance: [0, 0, 0], texel: [0, 0] });
   return material;
 }
 
@@ -190,7 +207,7 @@ export function surfaceMaterial(): THREE.RawShaderMaterial {
 export function fillMaterial(surface: THREE.RawShaderMaterial): THREE.RawShaderMaterial {
   const material = surface.clone();
   material.uniforms = { ...surface.uniforms, fill: { value: true } };
-  Object.assign(material.defaultAttributeValues, { exitance: [0, 0, 0] });
+  Object.assign(material.defaultAttributeValues, { exitance: [0, 0, 0], texel: [0, 0] });
   return material;
 }
 
@@ -212,6 +229,15 @@ const HEAD = /* glsl */ `
   uniform mat4 projectionMatrix;
   in vec3 position;
 `;
+
+/** What the screen shows of a radiance, as the shader has it. */
+export function shown(radiance: Rgb, exposure: number, filmic: boolean): Rgb {
+  return radiance.map((l) => {
+    const x = Math.min(Math.max(l * exposure, 0), 1e4);
+    const toned = Math.min(filmic ? (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14) : x, 1);
+    return toned <= 0.0031308 ? 12.92 * toned : 1.055 * toned ** (1 / 2.4) - 0.055;
+  }) as Rgb;
+}
 
 /** The number of a quantity in the shader. */
 export function quantityNumber(quantity: Quantity): number {

@@ -14,6 +14,24 @@ export interface Camera {
   half_height: number;
 }
 
+export type Wrap = "Repeat" | "Mirror" | "Clamp";
+
+export interface Texture {
+  /** Number of the image. */
+  image: number;
+  wrap: [Wrap, Wrap];
+  nearest: boolean;
+  /** What texels are multiplied with. */
+  factor: Rgb;
+  /** Alpha below which nothing is there. */
+  cutoff: number;
+}
+
+export interface Surface {
+  name: string;
+  texture: Texture | null;
+}
+
 export interface Hello {
   protocol: number;
   version: string;
@@ -27,7 +45,7 @@ export interface Hello {
   until: number;
   origin: Rgb;
   bounds: [Rgb, Rgb];
-  surfaces: string[];
+  surfaces: Surface[];
   cameras: Camera[];
   sky: Rgb;
 }
@@ -71,8 +89,10 @@ export interface Geometry {
   firstElement: number;
   /** Metres, three numbers for each vertex. */
   positions: Float32Array;
-  /** Surface and number of elements of each patch. */
+  /** Of each patch: its surface, number of elements, and 1 if it has places in its texture. */
   patches: Uint32Array;
+  /** Places in their texture of the corners of elements of patches that have them: eight numbers for each element. */
+  texels: Float32Array;
   /** Elements of the cluster that emit, with their exitance. */
   emission: Map<number, Rgb>;
   /** Vertices of each element: four; a triangle repeats its third. */
@@ -180,14 +200,17 @@ function readGeometry(reader: Reader): Geometry {
     reader.u32(),
   ) as [number, number, number, number, number, number, number];
   const positions = reader.f32s(3 * vertexCount);
-  const patches = reader.u32s(2 * patchCount);
+  const patches = reader.u32s(3 * patchCount);
+  let textured = 0;
+  for (let patch = 0; patch < patchCount; patch++) if (patches[3 * patch + 2]) textured += patches[3 * patch + 1]!;
+  const texels = reader.f32s(8 * textured);
   const emission = new Map<number, Rgb>();
   for (let k = 0; k < emitting; k++) emission.set(reader.u32(), [reader.f32(), reader.f32(), reader.f32()]);
   const corners = vertexCount < 65536 ? reader.u16s(4 * count) : reader.u32s(4 * count);
   const colours = reader.u16s(4 * count);
   const borders = reader.u8s(count);
   reader.align();
-  return { cluster, firstPatch, firstElement, positions, patches, emission, corners, colours, borders };
+  return { cluster, firstPatch, firstElement, positions, patches, texels, emission, corners, colours, borders };
 }
 
 function readLight(reader: Reader, elements: (cluster: number) => number): Light {

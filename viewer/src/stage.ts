@@ -2,7 +2,7 @@
 
 import * as THREE from "three";
 import { Batches, type Seen } from "./batches.js";
-import { quantityNumber, type Quantity } from "./material.js";
+import { quantityNumber, shown, type Quantity } from "./material.js";
 import { Navigation } from "./navigation.js";
 import type { Hello, Rgb } from "./protocol.js";
 import { turboTexture, type Scale } from "./scales.js";
@@ -19,7 +19,7 @@ const NARROW = 45;
 const REST = 200;
 
 export class Stage {
-  readonly batches = new Batches();
+  readonly batches = new Batches(() => this.invalidate());
   readonly navigation: Navigation;
   private readonly renderer: THREE.WebGLRenderer;
   private readonly under = new THREE.WebGLRenderTarget(1, 1);
@@ -70,7 +70,10 @@ export class Stage {
       const { low, high, logarithmic } = values.scale;
       (u.scale!.value as THREE.Vector3).set(low, high, logarithmic ? 1 : 0);
     }
-    if (values.sky) this.renderer.setClearColor(new THREE.Color(...values.sky));
+    if (values.sky) {
+      const { exposure, filmic } = u as { exposure: { value: number }; filmic: { value: boolean } };
+      this.renderer.setClearColor(new THREE.Color(...shown(values.sky, exposure.value, filmic.value)));
+    }
     this.invalidate();
   }
 

@@ -1,6 +1,6 @@
 // All that is known of the scene: its clusters as they were sent, and the light at the joints of their elements.
 
-import type { Geometry, Hello, Light, Places, Rgb } from "./protocol.js";
+import type { Geometry, Hello, Light, Places, Rgb, Surface } from "./protocol.js";
 import { Joints } from "./weld.js";
 
 /** A cluster with its light. */
@@ -8,6 +8,8 @@ export interface Cluster extends Geometry {
   irradiance: Float32Array;
   /** The joint of each corner. */
   joints: Uint32Array;
+  /** Where the texels of each element begin, or −1. */
+  texelsOf: Int32Array;
   /** The patch of each element, counted from the cluster's first. */
   patchOf: Uint16Array | Uint32Array;
 }
@@ -61,14 +63,20 @@ export class World {
   reshape(geometry: Geometry): void {
     const count = geometry.borders.length;
     const patchOf = new Uint32Array(count);
-    let element = 0;
-    for (let patch = 0; 2 * patch < geometry.patches.length; patch++) {
-      patchOf.fill(patch, element, (element += geometry.patches[2 * patch + 1]!));
+    const texelsOf = new Int32Array(count).fill(-1);
+    let [element, texels] = [0, 0];
+    for (let patch = 0; 3 * patch < geometry.patches.length; patch++) {
+      const [elements, textured] = [geometry.patches[3 * patch + 1]!, geometry.patches[3 * patch + 2]!];
+      for (const end = element + elements; element < end; element++) {
+        patchOf[element] = patch;
+        if (textured) texelsOf[element] = 8 * texels++;
+      }
     }
     this.clusters[geometry.cluster] = {
       ...geometry,
       irradiance: new Float32Array(3 * count),
       joints: new Uint32Array(4 * count),
+      texelsOf,
       patchOf,
     };
   }
@@ -179,6 +187,12 @@ export class World {
     return photometric([of(0), of(1), of(2)]);
   }
 
+  /** The surface of an element. */
+  surface(cluster: number, k: number): Surface | undefined {
+    const { patches, patchOf } = this.clusters[cluster]!;
+    return this.hello.surfaces[patches[3 * patchOf[k]!]!];
+  }
+
   /** What is known of an element. */
   facts(cluster: number, k: number): ElementFacts | undefined {
     const found = this.clusters[cluster];
@@ -194,7 +208,7 @@ export class World {
       element: found.firstElement + k,
       patch,
       cluster,
-      object: this.hello.surfaces[found.patches[2 * found.patchOf[k]!]!] ?? "",
+      object: this.surface(cluster, k)?.name ?? "",
       reflectance,
       exitance,
       irradiance,

@@ -5,14 +5,15 @@ import assert from "node:assert/strict";
 import { spawn, type ChildProcess } from "node:child_process";
 import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { delimiter, join } from "node:path";
 import { after, before, test, type TestContext } from "node:test";
 import { setTimeout as sleep } from "node:timers/promises";
 import { chromium, type Browser, type Page } from "playwright-core";
 
 const COMMAND = process.env.RINGLIGHT ?? "../target/release/ringlight";
 const OFFICE = "../scenes/office.glb";
-const CHROMIUM = ["/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome"];
+const FOLDERS = (process.env.PATH ?? "").split(delimiter);
+const CHROMIUM = ["chromium", "chromium-browser", "google-chrome"].flatMap((name) => FOLDERS.map((at) => join(at, name)));
 /** Longest wait for anything, milliseconds: software draws slowly beside a bake. */
 const PATIENCE = 60_000;
 
@@ -63,7 +64,7 @@ let browser: Browser;
 let folder: string;
 
 before(async () => {
-  const executablePath = process.env.CHROMIUM ?? CHROMIUM.find(existsSync);
+  const executablePath = CHROMIUM.find(existsSync);
   assert.ok(executablePath, "there is no Chromium");
   const args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
   if (process.getuid?.() === 0) args.push("--no-sandbox");

@@ -133,6 +133,26 @@ test("elements that meet on a smooth surface show the same light where they meet
   assert.ok(inner >= 4, `${inner} inner joints`);
 });
 
+test("textured elements know their places in their texture", () => {
+  const { world } = shown();
+  let textured = 0;
+  for (const [number, k] of elements(world)) {
+    const cluster = world.clusters[number]!;
+    const { name, texture } = world.surface(number, k)!;
+    assert.equal(cluster.texelsOf[k]! >= 0, name === "floor");
+    if (cluster.texelsOf[k]! < 0) continue;
+    textured++;
+    assert.deepEqual(texture, { image: 0, wrap: ["Repeat", "Mirror"], nearest: true, factor: [1, 1, 1], cutoff: 0.5 });
+    for (let corner = 0; corner < 4; corner++) {
+      const [u, v] = cluster.texels.subarray(cluster.texelsOf[k]! + 2 * corner);
+      const [x, , z] = cluster.positions.subarray(3 * cluster.corners[4 * k + corner]!);
+      // The scene says u = x and v = −z; rows of images count down.
+      assert.ok(Math.abs(u! - x!) < 1e-5 && Math.abs(v! - (1 + z!)) < 1e-5, `${u} ${v} at ${x} ${z}`);
+    }
+  }
+  assert.equal(textured, 16);
+});
+
 test("what is cut off or not known is refused", () => {
   const { world } = shown();
   const message = round().find((message) => typeof message !== "string") as ArrayBuffer;

@@ -50,7 +50,9 @@ pub fn run(root: &Path) -> Result<()> {
     if tools.node && tools.chromium {
         let features = if tools.message_passing { " --features mpi" } else { "" };
         cargo("command for the browser", &format!("build -p ringlight-cli{features} --release --quiet"))?;
-        viewer::test_in_browser(root, &root.join("target/release/ringlight"), tools.message_passing)?;
+        let target =
+            std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), |folder| root.join(folder));
+        viewer::test_in_browser(root, &target.join("release/ringlight"), tools.message_passing)?;
     } else {
         println!(
             "== tests in the browser: left out, because Node.js, npm or Chromium is missing (nodejs npm chromium)"

@@ -356,9 +356,9 @@ pub struct SpreadArguments {
 /// How a solve is watched in the browser. Nothing of it changes the result.
 #[derive(Clone, Debug, Args)]
 pub struct ViewArguments {
-    /// Show the solve in the browser while it goes on; the link is printed. ADDR is host:port: 127.0.0.1 and a free port by
-    /// default; with any other address than one of this machine's own the link holds a secret
-    #[arg(long, value_name = "ADDR", num_args = 0..=1, require_equals = true, default_missing_value = VIEW_ADDRESS)]
+    /// Show the solve in the browser while it goes on; the link is printed. ADDR is host:port, or a port: 127.0.0.1 and a free
+    /// port by default. Where others can reach it, the link holds a token
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, require_equals = true, default_missing_value = VIEW_ADDRESS, value_parser = values::address)]
     pub view: Option<String>,
     /// Shots between two updates of what is shown; by time as it costs little by default
     #[arg(long, value_name = "P", value_parser = clap::value_parser!(u64).range(1..))]

@@ -106,9 +106,9 @@ impl<'a, 'b> Run<'a, 'b> {
         let progress = if ranks.rank() == 0 { arguments.progress } else { ProgressChoice::None };
         let reporter = Reporter::new(progress, arguments.quiet, arguments.verbose, start);
         let showing = Showing::open(&arguments.view, ranks.rank() == 0)?;
-        if let Some(link) = showing.as_ref().and_then(Showing::link) {
+        if let Some(invitation) = showing.as_ref().and_then(Showing::invitation) {
             // Also to those who want silence: nobody could guess it.
-            reporter.say(&format!("view: {link}"));
+            reporter.say(&invitation);
         }
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
         let (rings, own) = (Rings::one(ranks.size()), RankReport::default());

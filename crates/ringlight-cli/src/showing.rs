@@ -14,14 +14,14 @@ use ringlight::output::report::Units;
 use ringlight::output::{AmbientSums, Exposure, LitOptions, ambient, write_glb};
 use ringlight::quantity::Rgb;
 use ringlight::resources::Bytes;
-use ringlight::solution::{Description, OwnLight, Solution};
+use ringlight::scene::Alpha;
+use ringlight::solution::{Description, ImageReference, OwnLight, Solution};
 use ringlight::solve::{Control, Ledger, Progress, Ring, SolveSettings, State, StopReason, World};
 use ringlight::transport::{self, Communicator};
-use ringlight_view::protocol::{self, Camera, Hello, Load, Phase, Status};
-use ringlight_view::{Server, display};
+use ringlight_view::protocol::{self, Camera, Hello, Load, Phase, Status, Surface, Texture};
+use ringlight_view::{Image, Server, display};
 use serde::{Deserialize, Serialize};
 use std::hash::{DefaultHasher, Hash, Hasher};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Time between two updates at least.
@@ -92,9 +92,14 @@ impl Showing {
         }))
     }
 
-    /// The link to open, on the first rank.
-    pub fn link(&self) -> Option<&str> {
-        self.server.as_ref().map(Server::link)
+    /// The link to open, in words, on the first rank.
+    pub fn invitation(&self) -> Option<String> {
+        let link = self.server.as_ref()?.link();
+        let hint = match ringlight_view::is_built() {
+            true => "",
+            false => "\nwarning: this ringlight was built without its page; `cargo xtask viewer` builds it",
+        };
+        Some(format!("view: {link}{hint}"))
     }
 
     /// Begins to show, dark. `until` is the unshot share at which the solver stops, if it goes on.
@@ -102,7 +107,11 @@ impl Showing {
         let Some(server) = &self.server else { return };
         let mesh = subject.mesh;
         let geometry = (0..mesh.clusters.len() as u32).into_par_iter().map(|c| display::geometry(mesh, c)).collect();
-        server.stage().begin(&hello(subject, until, ranks), geometry);
+        let image = |(reference, bytes): (&ImageReference, &Option<Bytes>)| {
+            Some(Image { media_type: reference.media_type.clone(), bytes: bytes.clone()? })
+        };
+        let images = subject.description.images.iter().zip(subject.images).map(image).collect();
+        server.stage().begin(&hello(subject, until, ranks), images, geometry);
     }
 
     /// Adds what watchers want to what else is to be done.
@@ -188,7 +197,7 @@ impl Showing {
             let mut sums = AmbientSums::default();
             self.status.ranks.clear();
             for bytes in parts {
-                let part = take_part(mesh, &bytes, &mut light);
+                let part = take_part(&bytes, &mut light);
                 sums = sums.join(part.ambient);
                 self.status.ranks.push(part.load);
             }
@@ -239,9 +248,9 @@ impl Showing {
         });
         let changed: Vec<Vec<u8>> = changed.collect();
         let words = serde_json::to_vec(&Part { ambient, load: since }).unwrap_or_default();
-        let mut bytes = (words.len() as u32).to_le_bytes().to_vec();
-        bytes.extend_from_slice(&words);
-        changed.iter().for_each(|record| bytes.extend_from_slice(record));
+        let mut bytes = Vec::new();
+        append(&mut bytes, &words);
+        changed.iter().for_each(|record| append(&mut bytes, record));
         bytes
     }
 
@@ -291,22 +300,25 @@ impl Showing {
     }
 }
 
-/// Takes apart what a rank has sent: appends the records of its clusters.
-fn take_part(mesh: &Mesh, bytes: &[u8], light: &mut Vec<(u32, Vec<u8>)>) -> Part {
-    let Some((length, rest)) = bytes.split_first_chunk() else { return Part::default() };
-    let Some((words, mut rest)) = rest.split_at_checked(u32::from_le_bytes(*length) as usize) else {
-        return Part::default();
+/// Appends a piece of what a rank sends, with its length before it.
+fn append(bytes: &mut Vec<u8>, piece: &[u8]) {
+    bytes.extend_from_slice(&(piece.len() as u32).to_le_bytes());
+    bytes.extend_from_slice(piece);
+}
+
+/// Takes apart what a rank has sent: appends the records of its clusters, which begin with their numbers.
+fn take_part(mut bytes: &[u8], light: &mut Vec<(u32, Vec<u8>)>) -> Part {
+    let mut next = || {
+        let (length, rest) = bytes.split_first_chunk()?;
+        let (piece, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        bytes = rest;
+        Some(piece)
     };
-    while let Some(number) = rest.first_chunk() {
-        let cluster = u32::from_le_bytes(*number);
-        if cluster as usize >= mesh.clusters.len() {
-            break;
-        }
-        let Some((record, after)) = rest.split_at_checked(display::light_length(mesh, cluster)) else { break };
-        light.push((cluster, record.to_vec()));
-        rest = after;
+    let part = next().and_then(|words| serde_json::from_slice(words).ok()).unwrap_or_default();
+    while let Some(record) = next() {
+        light.extend(record.first_chunk().map(|cluster| (u32::from_le_bytes(*cluster), record.to_vec())));
     }
-    serde_json::from_slice(words).unwrap_or_default()
+    part
 }
 
 fn hash(record: &[u8]) -> u64 {
@@ -337,6 +349,22 @@ fn hello(subject: &Subject<'_>, until: Option<f64>, ranks: usize) -> Hello {
             half_height: camera.half_height,
         }
     };
+    let surface = |surface: &ringlight::scene::Surface| {
+        let material = &description.materials[surface.material as usize];
+        let at_hand = |texture: &ringlight::scene::Texture| {
+            subject.images.get(texture.image as usize).is_some_and(Option::is_some)
+        };
+        let texture = material.base_texture.filter(at_hand).map(|texture| {
+            let [r, g, b, alpha] = material.base_colour;
+            let cutoff = match material.alpha {
+                Alpha::Mask(cutoff) if alpha > 0.0 => cutoff / alpha,
+                _ => 0.0,
+            };
+            let ringlight::scene::Texture { image, wrap, nearest } = texture;
+            Texture { image, wrap, nearest, factor: [r, g, b], cutoff }
+        });
+        Surface { name: surface.name.to_string(), texture }
+    };
     Hello {
         protocol: protocol::VERSION,
         version: env!("CARGO_PKG_VERSION"),
@@ -350,7 +378,7 @@ fn hello(subject: &Subject<'_>, until: Option<f64>, ranks: usize) -> Hello {
         until: until.unwrap_or(0.0),
         origin: mesh.origin,
         bounds: [low.to_array(), high.to_array()],
-        surfaces: description.surfaces.iter().map(|surface| Arc::clone(&surface.name).to_string()).collect(),
+        surfaces: description.surfaces.iter().map(surface).collect(),
         cameras: description.cameras.iter().enumerate().map(camera).collect(),
         sky: settings.sky.unwrap_or(Rgb::default()),
     }

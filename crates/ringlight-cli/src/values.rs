@@ -55,6 +55,15 @@ pub fn number(text: &str) -> Result<f64, String> {
     if number.is_finite() { Ok(number) } else { Err(format!("'{text}' is not a finite number")) }
 }
 
+/// Where to serve: `host:port`, or a port of this machine alone.
+pub fn address(text: &str) -> Result<String, String> {
+    let (host, port) = text.rsplit_once(':').unwrap_or(("127.0.0.1", text));
+    match u16::from_str(port) {
+        Ok(port) if !host.is_empty() => Ok(format!("{host}:{port}")),
+        _ => Err(format!("'{text}' is no address; expected host:port")),
+    }
+}
+
 /// Numbers separated by commas.
 fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let all: Vec<f64> = text.split(',').map(number).collect::<Result<_, _>>()?;

@@ -39,8 +39,8 @@ fn solution(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let host = Host::find(ranks, None, arguments.spread.memory_per_rank.is_some())?;
     let solution = reading::solution(ranks, &host, &arguments.scene, None)?;
     let Some(mut showing) = Showing::open(&arguments.running.view, ranks.rank() == 0)? else { return Ok(End::Done) };
-    if let Some(link) = showing.link() {
-        eprintln!("view: {link}");
+    if let Some(invitation) = showing.invitation() {
+        eprintln!("{invitation}");
     }
     let (description, mesh, settings) = (&solution.description, &solution.mesh, solution.settings);
     showing.begin(&Subject { description, mesh, settings, images: &solution.images }, None, ranks.size());

@@ -5,8 +5,9 @@
 
 use glam::DVec2;
 use half::f16;
-use ringlight::mesh::{Frame, Mesh, Patch};
+use ringlight::mesh::{Frame, Mesh, NONE, Patch};
 use ringlight::shooting::ElementLight;
+use ringlight_visibility::Layout;
 use std::collections::HashMap;
 
 /// Parameters nearer to the border of a patch than this lie on it.
@@ -27,10 +28,14 @@ pub fn geometry(mesh: &Mesh, cluster: u32) -> Vec<u8> {
     let mut places: HashMap<[u32; 3], u32> = HashMap::with_capacity(2 * count);
     let mut positions: Vec<[f32; 3]> = Vec::with_capacity(2 * count);
     let mut corners: Vec<[u32; CORNERS]> = Vec::with_capacity(count);
-    let (mut borders, mut colours, mut emission, mut patches) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut borders, mut colours, mut emission) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut patches, mut texels) = (Vec::new(), Vec::new());
     for id in cluster.patches.clone() {
         let patch = mesh.patch(id);
-        patches.push([mesh.facets[patch.facet as usize].surface, patch.element_count()]);
+        let facet = &mesh.facets[patch.facet as usize];
+        // Colours of vertices are in the elements' means alone.
+        let textured = facet.base_uv != NONE && facet.vertex_colour == NONE;
+        patches.push([facet.surface, patch.element_count(), u32::from(textured)]);
         for (k, element) in (0..).zip(patch.elements()) {
             corners.push(outline(&patch, k).map(|position| {
                 *places.entry(position.map(f32::to_bits)).or_insert_with(|| {
@@ -40,6 +45,9 @@ pub fn geometry(mesh: &Mesh, cluster: u32) -> Vec<u8> {
             }));
             let covered = if mesh.valid[element as usize] == 0 { COVERED } else { 0 };
             borders.push(border(&patch, k) | covered);
+            if textured {
+                texels.extend(texture_places(&patch, k, facet.layout(), &mesh.base_uv[facet.base_uv as usize]));
+            }
             let colour = mesh.colour(&patch, element);
             let [r, g, b] = colour.reflectance;
             colours.push([r, g, b, colour.coverage].map(|x| (x.clamp(0.0, 1.0) * f32::from(u16::MAX) + 0.5) as u16));
@@ -62,6 +70,7 @@ pub fn geometry(mesh: &Mesh, cluster: u32) -> Vec<u8> {
     }
     positions.iter().flatten().for_each(|x| record.extend_from_slice(&x.to_le_bytes()));
     patches.iter().flatten().for_each(|x| record.extend_from_slice(&x.to_le_bytes()));
+    texels.iter().flatten().for_each(|x: &f32| record.extend_from_slice(&x.to_le_bytes()));
     for (element, exitance) in &emission {
         record.extend_from_slice(&element.to_le_bytes());
         exitance.iter().for_each(|x| record.extend_from_slice(&x.to_le_bytes()));
@@ -79,15 +88,30 @@ pub fn geometry(mesh: &Mesh, cluster: u32) -> Vec<u8> {
 /// The corners of a patch's `k`-th element, counter-clockwise seen from its lit side.
 fn outline(patch: &Patch, k: u32) -> [[f32; 3]; CORNERS] {
     let (mut corners, count) = patch.frame.tile(patch.element_tile(k)).corners();
-    if count < CORNERS {
-        corners[3] = corners[2];
-    }
-    if patch.back {
-        corners[..count].reverse();
-        let last = corners[count - 1];
-        corners[count..].fill(last);
-    }
+    finish(&mut corners, count, patch.back);
     corners.map(|corner| corner.as_vec3().to_array())
+}
+
+/// The coordinates in its texture of the corners of [`outline`]; `corners` are those of the facet.
+fn texture_places(patch: &Patch, k: u32, layout: Layout, corners: &[[f32; 2]; 4]) -> [[f32; 2]; CORNERS] {
+    let tile = patch.tile.compose(patch.element_tile(k));
+    let mut places = [[0.0; 2]; CORNERS];
+    let parameters = Frame::corner_parameters(layout);
+    for (place, &p) in places.iter_mut().zip(parameters) {
+        let weights = Frame::corner_weights(layout, tile.at(p));
+        *place = [0, 1].map(|axis| weights.iter().zip(corners).map(|(w, corner)| *w as f32 * corner[axis]).sum());
+    }
+    finish(&mut places, parameters.len(), patch.back);
+    places
+}
+
+/// Puts what belongs to the first `count` corners in the order of [`outline`].
+fn finish<T: Copy>(corners: &mut [T; CORNERS], count: usize, back: bool) {
+    if back {
+        corners[..count].reverse();
+    }
+    let last = corners[count - 1];
+    corners[count..].fill(last);
 }
 
 /// Which edges of a patch's `k`-th element are edges of the patch: bit i for the edge from corner i of [`outline`] to the next.
@@ -126,11 +150,6 @@ pub fn light(mesh: &Mesh, cluster: u32, elements: &[ElementLight]) -> Vec<u8> {
     }
     record.resize(record.len().next_multiple_of(4), 0);
     record
-}
-
-/// Length of what [`light`] gives for a cluster.
-pub fn light_length(mesh: &Mesh, cluster: u32) -> usize {
-    (8 + 6 * mesh.clusters[cluster as usize].elements.len()).next_multiple_of(4)
 }
 
 /// The power of two by which half floats are to be multiplied so that they reach up to `brightest` and as far down as they can.

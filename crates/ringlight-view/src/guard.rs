@@ -4,6 +4,7 @@
 //! `Origin` (cross-site), or, if it has made its own name point to this machine, that name as `Host` (rebinding). Both
 //! are refused. A server that others can reach wants a secret of its link, too.
 
+use axum::extract::Request;
 use axum::http::{HeaderMap, header};
 use std::net::{IpAddr, SocketAddr};
 
@@ -64,6 +65,12 @@ impl Guard {
         let differs = secret.bytes().zip(given).fold(0, |differs, (a, b)| differs | (a ^ b));
         let same = given.len() == secret.len() && differs == 0;
         if same { Ok(()) } else { Err(Refusal("the link's token is missing or wrong")) }
+    }
+
+    /// Whether a request for a file comes from the page, with the secret.
+    pub fn check_own(&self, request: &Request) -> Result<(), Refusal> {
+        self.check_origin(request.headers(), false)?;
+        self.check_secret(request.uri().query())
     }
 }
 

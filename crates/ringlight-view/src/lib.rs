@@ -12,4 +12,4 @@ mod stage;
 
 pub use page::is_built;
 pub use server::{MOST_WATCHERS, Server};
-pub use stage::{Model, Promise, Stage};
+pub use stage::{Image, Model, Promise, Stage};

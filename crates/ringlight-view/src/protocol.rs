@@ -2,6 +2,7 @@
 
 use ringlight::mesh::Mesh;
 use ringlight::quantity::Rgb;
+use ringlight::scene::Wrap;
 use ringlight::solve::{Energy, StopReason};
 use serde::{Deserialize, Serialize};
 
@@ -54,12 +55,36 @@ pub struct Hello {
     pub origin: [f64; 3],
     /// Box around the scene, metres: lower and upper corner.
     pub bounds: [[f32; 3]; 2],
-    /// Names of surfaces.
-    pub surfaces: Vec<String>,
+    /// Surfaces.
+    pub surfaces: Vec<Surface>,
     /// Cameras.
     pub cameras: Vec<Camera>,
     /// Radiance of the sky behind everything.
     pub sky: Rgb,
+}
+
+/// A surface of the scene.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Surface {
+    /// Name.
+    pub name: String,
+    /// What its reflectance is drawn with in detail.
+    pub texture: Option<Texture>,
+}
+
+/// A texture, and how it is used.
+#[derive(Clone, Debug, Serialize)]
+pub struct Texture {
+    /// Number of the image.
+    pub image: u32,
+    /// Wrapping along u and v.
+    pub wrap: [Wrap; 2],
+    /// Whether magnified texels stay sharp.
+    pub nearest: bool,
+    /// What texels are multiplied with.
+    pub factor: Rgb,
+    /// Alpha below which nothing is there.
+    pub cutoff: f32,
 }
 
 /// A camera of the scene.

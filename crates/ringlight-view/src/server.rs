@@ -7,7 +7,7 @@ use crate::stage::{Stage, Watcher};
 use axum::Router;
 use axum::body::{Body, Bytes};
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
-use axum::extract::{Request, State};
+use axum::extract::{Path, Request, State};
 use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
@@ -129,6 +129,7 @@ async fn accept(listener: tokio::net::TcpListener, shared: Shared) {
         .route("/viewer.css", get(page_file))
         .route("/stream", get(stream))
         .route("/model.glb", get(model))
+        .route("/image/{number}", get(image))
         .layer(middleware::from_fn_with_state(shared.clone(), guard))
         .with_state(shared);
     let room = Arc::new(Semaphore::new(MOST_CONNECTIONS));
@@ -182,10 +183,26 @@ async fn page_file(request: Request) -> Response {
     }
 }
 
+/// Media types of images: no browser takes one of them for a page.
+const IMAGES: [&str; 3] = ["image/png", "image/jpeg", "image/webp"];
+
+/// An image of the scene's textures.
+async fn image(State(shared): State<Shared>, Path(number): Path<usize>, request: Request) -> Response {
+    if let Err(refusal) = shared.guard.check_own(&request) {
+        return refused(refusal);
+    }
+    let image = shared.stage.image(number);
+    match image.and_then(|image| Some((*IMAGES.iter().find(|known| **known == image.media_type)?, image.bytes))) {
+        Some((media_type, bytes)) => {
+            ([(header::CONTENT_TYPE, media_type)], Body::from(Bytes::from_owner(bytes))).into_response()
+        }
+        None => StatusCode::NOT_FOUND.into_response(),
+    }
+}
+
 /// The lit model, which the solver makes when it comes to it.
 async fn model(State(shared): State<Shared>, request: Request) -> Response {
-    let origin = shared.guard.check_origin(request.headers(), false);
-    if let Err(refusal) = origin.and(shared.guard.check_secret(request.uri().query())) {
+    if let Err(refusal) = shared.guard.check_own(&request) {
         return refused(refusal);
     }
     // What waits for a model is counted as a watcher is.

@@ -7,10 +7,14 @@ use crate::protocol::{self, Hello, Kind, Status};
 use axum::body::Bytes;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 use tokio::sync::{oneshot, watch};
 
 /// Points of the curves that are kept: of more, every other one goes.
 const MOST_POINTS: usize = 512;
+
+/// A pause ends when nobody has watched for so long: who loads the page again is back before.
+const ABSENCE: Duration = Duration::from_secs(10);
 
 /// Records of a message, bytes: larger messages are cut.
 const MESSAGE: usize = 1 << 20;
@@ -21,10 +25,22 @@ pub struct Stage {
     /// Tells the number of the latest change.
     changes: watch::Sender<u64>,
     watchers: AtomicUsize,
+    /// When the last watcher went away.
+    left: Mutex<Option<Instant>>,
     paused: AtomicBool,
     stopped: AtomicBool,
     ended: AtomicBool,
     wishes: Mutex<Vec<oneshot::Sender<Model>>>,
+    images: Mutex<Vec<Option<Image>>>,
+}
+
+/// An encoded image.
+#[derive(Clone)]
+pub struct Image {
+    /// Media type.
+    pub media_type: String,
+    /// The bytes, which stay where they are.
+    pub bytes: ringlight::resources::Bytes,
 }
 
 /// A lit model, or why there is none.
@@ -62,17 +78,20 @@ impl Default for Stage {
             shown: Mutex::default(),
             changes: watch::Sender::new(0),
             watchers: AtomicUsize::new(0),
+            left: Mutex::default(),
             paused: AtomicBool::new(false),
             stopped: AtomicBool::new(false),
             ended: AtomicBool::new(false),
             wishes: Mutex::default(),
+            images: Mutex::default(),
         }
     }
 }
 
 impl Stage {
-    /// Begins to show a scene: what it is, and the geometry of its clusters in order.
-    pub fn begin(&self, hello: &Hello, geometry: Vec<Vec<u8>>) {
+    /// Begins to show a scene: what it is, the images of its textures, and the geometry of its clusters in order.
+    pub fn begin(&self, hello: &Hello, images: Vec<Option<Image>>, geometry: Vec<Vec<u8>>) {
+        *lock(&self.images) = images;
         self.change(|shown, now| {
             shown.light = vec![(0, Bytes::new()); geometry.len()];
             shown.geometry = geometry.into_iter().map(|record| (now, record.into())).collect();
@@ -80,9 +99,12 @@ impl Stage {
         });
     }
 
-    /// Shows clusters, by their number, with other geometry.
+    /// Shows clusters, by their number, with other geometry; what was their light is no more.
     pub fn reshape(&self, geometry: Vec<(u32, Vec<u8>)>) {
-        self.change(|shown, now| replace(&mut shown.geometry, now, geometry));
+        self.change(|shown, now| {
+            replace(&mut shown.light, 0, geometry.iter().map(|(cluster, _)| (*cluster, Vec::new())).collect());
+            replace(&mut shown.geometry, now, geometry);
+        });
     }
 
     /// Shows clusters, by their number, in other light.
@@ -157,8 +179,12 @@ impl Stage {
         self.watchers.load(Ordering::Acquire)
     }
 
-    /// Whether a watcher wants the solver to wait.
+    /// Whether a watcher wants the solver to wait. Nobody has to come back for it: a pause ends a while after the last
+    /// watcher has gone.
     pub fn paused(&self) -> bool {
+        if self.watchers() == 0 && lock(&self.left).is_some_and(|left| left.elapsed() > ABSENCE) {
+            self.pause(false);
+        }
         self.paused.load(Ordering::Acquire)
     }
 
@@ -184,6 +210,11 @@ impl Stage {
 
     pub(crate) fn ended(&self) -> bool {
         self.ended.load(Ordering::Acquire)
+    }
+
+    /// An image.
+    pub(crate) fn image(&self, number: usize) -> Option<Image> {
+        lock(&self.images).get(number)?.clone()
     }
 
     /// Asks for a lit model.
@@ -224,6 +255,7 @@ pub(crate) struct Watcher(Arc<Stage>);
 
 impl Drop for Watcher {
     fn drop(&mut self) {
+        *lock(&self.0.left) = Some(Instant::now());
         self.0.watchers.fetch_sub(1, Ordering::AcqRel);
         self.0.changes.send_modify(|_| ());
     }
@@ -264,7 +296,7 @@ mod tests {
     #[test]
     fn a_late_client_gets_the_latest_state_once() {
         let stage = Stage::default();
-        stage.begin(&Hello::default(), vec![vec![1; 8], vec![2; 8]]);
+        stage.begin(&Hello::default(), Vec::new(), vec![vec![1; 8], vec![2; 8]]);
         for brightness in 3..9 {
             stage.light(vec![(1, vec![brightness; 4])]);
         }
@@ -275,6 +307,14 @@ mod tests {
         assert!(stage.news(all.change).records.is_empty());
         stage.light(vec![(0, vec![7; 4])]);
         assert_eq!(stage.news(all.change).records.len(), 1);
+        // Light of elements that are no more is not shown.
+        stage.reshape(vec![(0, vec![5; 12]), (1, vec![6; 12])]);
+        stage.light(vec![(1, vec![9; 4])]);
+        for since in [0, all.change] {
+            let records = stage.news(since).records;
+            let bodies: Vec<&[u8]> = records.iter().map(|message| &message[4..]).collect();
+            assert_eq!(bodies, [&[[5; 12], [6; 12]].concat()[..], &[9; 4]]);
+        }
     }
 
     #[test]
@@ -305,5 +345,20 @@ mod tests {
         assert!(first.is_some() && second.is_some() && stage.enter(2).is_none());
         drop(first);
         assert!(stage.watchers() == 1 && stage.enter(2).is_some());
+    }
+    #[test]
+    fn a_pause_that_nobody_watches_ends() {
+        let stage = Arc::new(Stage::default());
+        let watcher = stage.enter(1);
+        stage.pause(true);
+        assert!(stage.paused());
+        drop(watcher);
+        assert!(stage.paused());
+        *lock(&stage.left) = Instant::now().checked_sub(2 * ABSENCE);
+        let watcher = stage.enter(1);
+        assert!(stage.paused());
+        drop(watcher);
+        *lock(&stage.left) = Instant::now().checked_sub(2 * ABSENCE);
+        assert!(!stage.paused());
     }
 }

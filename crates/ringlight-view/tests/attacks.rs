@@ -1,7 +1,7 @@
 //! What must not get in: every way is tried on a server that goes on serving its own page meanwhile.
 
 use ringlight_view::protocol::{Hello, Status};
-use ringlight_view::{MOST_WATCHERS, Server};
+use ringlight_view::{Image, MOST_WATCHERS, Server};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
@@ -19,7 +19,7 @@ type Stream = WebSocket<TcpStream>;
 impl Site {
     fn open() -> Site {
         let server = Server::open("127.0.0.1:0").unwrap();
-        server.stage().begin(&Hello::default(), vec![vec![1; 32], vec![2; 32]]);
+        server.stage().begin(&Hello::default(), Vec::new(), vec![vec![1; 32], vec![2; 32]]);
         server.stage().status(&Status::default());
         let address = server.link().trim_start_matches("http://").trim_end_matches('/').parse().unwrap();
         Site { server, address }
@@ -126,6 +126,10 @@ fn nothing_but_the_page_is_served() {
         "/.gitignore",
         "/index.html%00.js",
         "/src/main.ts",
+        "/image/0",
+        "/image/-1",
+        "/image/../Cargo.toml",
+        "/image/99999999999999999999",
     ] {
         let answer = site.get(path, &site.host());
         assert!(answer.starts_with("HTTP/1.1 40"), "{path}: {answer}");
@@ -144,9 +148,27 @@ fn nothing_but_the_page_is_served() {
 }
 
 #[test]
+fn images_are_served_as_images_only() {
+    let site = Site::open();
+    let image = |media_type: &str| {
+        let bytes = ringlight::resources::Bytes::new(b"<script>alert(1)</script>".to_vec());
+        Some(Image { media_type: media_type.into(), bytes })
+    };
+    let images = vec![image("image/png"), image("text/html"), image("image/svg+xml"), None];
+    site.server.stage().begin(&Hello::default(), images, Vec::new());
+    let answer = site.get("/image/0", &site.host());
+    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("content-type: image/png\r\n"), "{answer}");
+    for number in 1..5 {
+        assert!(site.get(&format!("/image/{number}"), &site.host()).starts_with("HTTP/1.1 404"));
+    }
+    let cross = format!("{}Origin: http://evil.example\r\n", site.host());
+    assert!(site.get("/image/0", &cross).starts_with("HTTP/1.1 403"));
+}
+
+#[test]
 fn a_server_that_others_can_reach_wants_its_token() {
     let server = Server::open("0.0.0.0:0").unwrap();
-    server.stage().begin(&Hello::default(), Vec::new());
+    server.stage().begin(&Hello::default(), Vec::new(), Vec::new());
     let link = server.link().to_owned();
     let (address, query) = link.trim_start_matches("http://").split_once("/?").unwrap();
     let ask = |path: &str| {
@@ -159,7 +181,7 @@ fn a_server_that_others_can_reach_wants_its_token() {
         String::from_utf8_lossy(&answer).into_owned()
     };
     assert_eq!(ask(&format!("/stream?{query}")), "HTTP/1.1 101");
-    for wrong in ["/stream", "/stream?token=", "/stream?token=0", "/model.glb", "/model.glb?token=x"] {
+    for wrong in ["/stream", "/stream?token=", "/stream?token=0", "/model.glb", "/model.glb?token=x", "/image/0"] {
         assert_eq!(ask(wrong), "HTTP/1.1 403", "{wrong}");
     }
     let almost = format!("/stream?{}0", &query[..query.len() - 1]);

@@ -4,9 +4,9 @@
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh, MeshOptions};
 use ringlight::resources::{Bytes, Resources};
-use ringlight::scene::{self, ReadOptions};
+use ringlight::scene::{self, ReadOptions, Wrap};
 use ringlight::shooting::ElementLight;
-use ringlight_view::protocol::{self, Camera, Hello, Load, Status};
+use ringlight_view::protocol::{self, Camera, Hello, Load, Status, Surface, Texture};
 use ringlight_view::{Server, display};
 use std::path::Path;
 use tungstenite::Message;
@@ -24,9 +24,13 @@ v 1 1 -0.5
 v 0.5 1 -0.75
 v 0.5 0 0
 v 0.5 0 -1
+vt 0 0
+vt 2 0
+vt 2 1
+vt 0 1
 g floor
-usemtl grey
-f 1 2 3 4
+usemtl tiles
+f 1/1 2/2 3/3 4/4
 g lamp
 usemtl lamp
 f 5 7 6
@@ -35,24 +39,35 @@ usemtl grey
 f 1 8 9 4
 ";
 
-const MATERIALS: &str = "newmtl grey\nKd 0.25 0.5 0.75\nnewmtl lamp\nKd 0.1 0.1 0.1\nKe 100 200 300\n";
+const MATERIALS: &str = "newmtl grey\nKd 0.25 0.5 0.75\nnewmtl lamp\nKd 0.1 0.1 0.1\nKe 100 200 300\n\
+    newmtl tiles\nKd 0.25 0.5 0.75\nmap_Kd white.png\n";
+
+/// One white pixel.
+const WHITE: &[u8] = &[
+    137, 80, 78, 71, 13, 10, 26, 10, 0, 0, 0, 13, 73, 72, 68, 82, 0, 0, 0, 1, 0, 0, 0, 1, 8, 2, 0, 0, 0, 144, 119, 83,
+    222, 0, 0, 0, 12, 73, 68, 65, 84, 120, 156, 99, 248, 255, 255, 63, 0, 5, 254, 2, 254, 13, 239, 70, 184, 0, 0, 0, 0,
+    73, 69, 78, 68, 174, 66, 96, 130,
+];
 
 struct Materials;
 
 impl Resources for Materials {
-    fn read(&self, _path: &str) -> std::io::Result<Bytes> {
-        Ok(Bytes::new(MATERIALS.as_bytes().to_vec()))
+    fn read(&self, path: &str) -> std::io::Result<Bytes> {
+        Ok(Bytes::new(if path == "white.png" { WHITE } else { MATERIALS.as_bytes() }))
     }
 }
 
-fn mesh() -> (Mesh, Vec<String>) {
+fn mesh() -> (Mesh, Vec<Surface>) {
     let bytes = Bytes::new(SCENE.as_bytes().to_vec());
     let scene = scene::read("scene.obj", bytes, &Materials, &ReadOptions::default()).unwrap();
     let options = MeshOptions { patch_size: Some(1.0), element_size: Some(0.5), ..MeshOptions::default() };
     let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
-    (mesh, scene.surfaces.iter().map(|surface| surface.name.to_string()).collect())
+    let texture =
+        Texture { image: 0, wrap: [Wrap::Repeat, Wrap::Mirror], nearest: true, factor: [1.0; 3], cutoff: 0.5 };
+    let of = |name: &str| Surface { name: name.into(), texture: (name == "floor").then(|| texture.clone()) };
+    (mesh, scene.surfaces.iter().map(|surface| of(&surface.name)).collect())
 }
 
 /// Element k has irradiance (k + 1, (k + 1)/2, 100000 + 100 k).
@@ -60,9 +75,7 @@ fn light(mesh: &Mesh, cluster: u32) -> Vec<u8> {
     let elements = mesh.clusters[cluster as usize].elements.clone();
     let of = |k: u32| [k as f32 + 1.0, (k as f32 + 1.0) / 2.0, 1e5 + 100.0 * k as f32];
     let light: Vec<_> = elements.map(|k| ElementLight { shot: of(k), ..ElementLight::default() }).collect();
-    let record = display::light(mesh, cluster, &light);
-    assert_eq!(record.len(), display::light_length(mesh, cluster));
-    record
+    display::light(mesh, cluster, &light)
 }
 
 /// Text or binary (0 or 1), the length, and the content of each message of the first round.
@@ -87,7 +100,7 @@ fn round() -> Vec<u8> {
         live: true,
         ..Hello::default()
     };
-    stage.begin(&hello, clusters.clone().map(|cluster| display::geometry(&mesh, cluster)).collect());
+    stage.begin(&hello, Vec::new(), clusters.clone().map(|cluster| display::geometry(&mesh, cluster)).collect());
     stage.status(&Status { shots: 12, ranks: vec![Load { busy: 0.5, wait: 0.25 }; 3], ..Status::default() });
     stage.light(clusters.clone().map(|cluster| (cluster, light(&mesh, cluster))).collect());
     stage.places(protocol::places(&mesh, &clusters.map(|k| k % 3).collect::<Vec<_>>(), |facet| facet as usize % 3));

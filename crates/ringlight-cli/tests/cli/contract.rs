@@ -69,12 +69,18 @@ fn every_flag_of_bake_works_or_is_refused_by_its_name() {
         "--quality draft --checkpoint c.ringlight@5 --report r.json --progress plain --exposure 3 -v",
         "--quality draft --camera 1,1,1.8;1,1,0;80 --exposure auto --tone none --progress none",
         "--quality draft --tone filmic --false-colour lux --progress json --quiet",
+        "--quality draft --view --view-every 3",
+        "--quality draft --view=localhost:0",
+        "--quality draft --view=0 --ranks 2",
     ] {
         bake(flags).code(0);
     }
-    for (flags, named) in
-        [("--solver group", "--solver"), ("--error 0.01", "--error"), ("--view", "--view"), ("--view=:80", "--view")]
-    {
+    for (flags, named) in [
+        ("--solver group", "--solver"),
+        ("--error 0.01", "--error"),
+        ("--view=:80", "--view"),
+        ("--view=a:b", "--view"),
+    ] {
         bake(flags).code(2).stderr(contains("error:").and(contains(named)));
     }
 }

@@ -192,7 +192,8 @@ fn what_cannot_be_shown_is_refused() {
     let holder = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let taken = format!("view part.ringlight --view={}", holder.local_addr().unwrap());
     workshop.ringlight(&taken).assert().code(1).stderr(contains("cannot be listened to"));
-    workshop.ringlight("view part.ringlight --view=nowhere").assert().code(1).stderr(contains("nowhere"));
+    workshop.ringlight("view part.ringlight --view=nowhere.invalid:1").assert().code(1).stderr(contains("nowhere"));
+    workshop.ringlight("view part.ringlight --view=nowhere").assert().code(2).stderr(contains("host:port"));
     workshop.ringlight("view part.ringlight -o a.ringlight").assert().code(2).stderr(contains("export"));
     workshop.ringlight("view part.ringlight --view-every 0").assert().code(2);
     workshop.ringlight("view none.obj").assert().code(1);
