@@ -125,6 +125,9 @@ fn sift_chunk<S: Machine, const QUAD: bool, const FAR: bool>(
         let same = simd.equal_u32s(S::as_simd_u32s(&packet.plane).0[chunk], simd.splat_u32s(facet.plane));
         alive = simd.and_m32s(alive, simd.not_m32s(same));
     }
+    if !any(simd, alive) {
+        return;
+    }
     let x = packet.points(simd, chunk);
     let to_corner = from_point(facet.corner, x);
     let height = dot(to_corner, facet.normal);
@@ -150,29 +153,17 @@ fn sift_chunk<S: Machine, const QUAD: bool, const FAR: bool>(
         flip(splat(simd, facet.normal), sign),
     ];
     let mut bases = [zero; 3];
-    let mut tops = [zero; 3];
     for i in 0..3 {
-        if !FAR {
-            bases[i] = zero - dot_lanes(functions[i], from_anchor);
-        }
-    }
-    let mut possible = simd.and_m32s(alive, simd.not_m32s(unsure));
-    let open = simd.or_m32s(possible, unsure);
-    if !any(simd, open) {
-        return;
+        bases[i] = if FAR { zero } else { zero - dot_lanes(functions[i], from_anchor) };
     }
     let mut asked = [[0u32; PACKET]; 2];
     for w in 0..2 {
-        masks[w] = simd.select_u32s(open, masks[w], none);
+        masks[w] = simd.select_u32s(alive, masks[w], none);
         S::as_mut_simd_u32s(&mut asked[w]).0[chunk] = masks[w];
     }
-    let _ = (&mut tops, &mut possible);
-    // Of a grazed parallelogram it must be certain, too, which of its triangles is hit.
-    let grazing = if FAR {
-        if facet.grazing > 0.0 { simd.and_m32s(open, zero.at_least(zero)) } else { simd.and_m32s(open, zero.below(zero)) }
-    } else {
-        simd.and_m32s(open, distance.below(near * facet.grazing))
-    };
+    // Of a grazed parallelogram it must be certain, too, which of its triangles is hit. What directions graze is not asked.
+    let height = if FAR { zero } else { distance };
+    let grazing = simd.and_m32s(alive, height.below(near * facet.grazing));
     let may_graze = QUAD && any(simd, grazing);
     let (mut hidden, mut left) = (false, none);
     for w in 0..2 {
