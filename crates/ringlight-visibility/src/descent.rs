@@ -212,7 +212,14 @@ impl<L: Look> Task for Descent<'_, '_, L> {
 impl Search<'_> {
     /// Clears what the facet that begins with this triangle hides of these cells.
     #[inline(always)]
-    fn look<M: Machine, L: Look>(&mut self, machine: M, packet: &mut Packet, look: &L, index: u32, cells: u64) -> Looked {
+    fn look<M: Machine, L: Look>(
+        &mut self,
+        machine: M,
+        packet: &mut Packet,
+        look: &L,
+        index: u32,
+        cells: u64,
+    ) -> Looked {
         let (hierarchy, plan) = (self.hierarchy, self.plan);
         let (triangle, other) = hierarchy.facet(index as usize);
         if triangle.plane == plan.plane && plan.plane != NO_PLANE {

@@ -90,9 +90,15 @@ impl Look for AtCells {
         let mut sifted = Sifted { cleared: false, doubtful: 0 };
         for chunk in 0..PACKET / M::F32_LANES {
             match (plan.kind, facet.is_quad) {
-                (Kind::Points, true) => sift_chunk::<M, true, false>(machine, plan, packet, facet, cells, chunk, &mut sifted),
-                (Kind::Points, false) => sift_chunk::<M, false, false>(machine, plan, packet, facet, cells, chunk, &mut sifted),
-                (Kind::Directions, true) => sift_chunk::<M, true, true>(machine, plan, packet, facet, cells, chunk, &mut sifted),
+                (Kind::Points, true) => {
+                    sift_chunk::<M, true, false>(machine, plan, packet, facet, cells, chunk, &mut sifted)
+                }
+                (Kind::Points, false) => {
+                    sift_chunk::<M, false, false>(machine, plan, packet, facet, cells, chunk, &mut sifted)
+                }
+                (Kind::Directions, true) => {
+                    sift_chunk::<M, true, true>(machine, plan, packet, facet, cells, chunk, &mut sifted)
+                }
                 (Kind::Directions, false) => {
                     sift_chunk::<M, false, true>(machine, plan, packet, facet, cells, chunk, &mut sifted);
                 }
@@ -167,7 +173,8 @@ fn sift_chunk<S: Machine, const QUAD: bool, const FAR: bool>(
     let may_graze = QUAD && any(simd, grazing);
     let (mut hidden, mut left) = (false, none);
     for w in 0..2 {
-        let mut bits = asked[w][chunk * S::F32_LANES..(chunk + 1) * S::F32_LANES].iter().fold(0, |all, word| all | word);
+        let mut bits =
+            asked[w][chunk * S::F32_LANES..(chunk + 1) * S::F32_LANES].iter().fold(0, |all, word| all | word);
         let (mut maybe, mut sure) = (none, none);
         while bits != 0 {
             let bit = bits & bits.wrapping_neg();
