@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! replay SCENE.tris FILE.rays [--threads N] [--runs K] [--masks OUT] [--instructions avx512|avx2|portable]
+//!        [--scattered] [--job N]
 //! ```
 //!
-//! The rays of a shooter are its cells as points; where they are a regular grid they are replayed as one. `--masks`
-//! writes a little-endian u64 per (shooter, receiver) pair in the file's order, bit k set where cell k is visible.
+//! The rays of a shooter are its cells as points; where they are a regular grid they are replayed as one, but not with
+//! `--scattered`. `--job` is how many receivers are asked about at a time, 4096 if not given. `--masks` writes a
+//! little-endian u64 per (shooter, receiver) pair in the file's order, bit k set where cell k is visible.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -16,13 +18,10 @@ use ringlight_visibility::{
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Receivers that a thread takes at a time.
-const JOB: usize = 4096;
-
 fn main() -> Result<(), Failure> {
     let options = Options::parse(std::env::args().skip(1))?;
     let triangles = read_triangles(&std::fs::read(&options.scene)?)?;
-    let rays = Rays::read(&std::fs::read(&options.rays)?)?;
+    let rays = Rays::read(&std::fs::read(&options.rays)?, options.scattered)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build()?;
 
     let begin = Instant::now();
@@ -32,7 +31,7 @@ fn main() -> Result<(), Failure> {
     let (mut seconds, mut masks) = (Vec::new(), Vec::new());
     for _ in 0..options.runs.max(1) {
         let begin = Instant::now();
-        masks = pool.install(|| replay(&hierarchy, &rays, options.threads));
+        masks = pool.install(|| replay(&hierarchy, &rays, &options));
         seconds.push(begin.elapsed().as_secs_f64());
     }
     let count = (masks.len() * rays.cells) as f64;
@@ -67,6 +66,9 @@ struct Options {
     runs: usize,
     masks: Option<String>,
     instructions: InstructionSet,
+    scattered: bool,
+    /// Receivers that a thread takes at a time.
+    job: usize,
 }
 
 impl Options {
@@ -79,12 +81,16 @@ impl Options {
             runs: 1,
             masks: None,
             instructions: InstructionSet::best(),
+            scattered: false,
+            job: 4096,
         };
         while let Some(argument) = arguments.next() {
             let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
             match argument.as_str() {
                 "--threads" => options.threads = value()?.parse()?,
                 "--runs" => options.runs = value()?.parse()?,
+                "--scattered" => options.scattered = true,
+                "--job" => options.job = value()?.parse::<std::num::NonZeroUsize>()?.get(),
                 "--masks" => options.masks = Some(value()?),
                 "--instructions" => {
                     options.instructions = match value()?.as_str() {
@@ -108,14 +114,14 @@ impl Options {
 }
 
 /// The masks of all pairs, in the file's order.
-fn replay(hierarchy: &Hierarchy, rays: &Rays, threads: usize) -> Vec<u64> {
+fn replay(hierarchy: &Hierarchy, rays: &Rays, options: &Options) -> Vec<u64> {
     let mut masks = vec![0; rays.receiver_index.len()];
     let mut jobs = Vec::new();
     let mut rest = masks.as_mut_slice();
     for (shooter, range) in rays.shooters.iter().zip(&rays.pairs) {
         let mut first = range.start;
         while first < range.end {
-            let (job, after) = rest.split_at_mut(JOB.min(range.end - first));
+            let (job, after) = rest.split_at_mut(options.job.min(range.end - first));
             jobs.push(std::sync::Mutex::new((shooter, first, job)));
             first += jobs.last_mut().map_or(0, |job| job.get_mut().map_or(0, |job| job.2.len()));
             rest = after;
@@ -123,10 +129,10 @@ fn replay(hierarchy: &Hierarchy, rays: &Rays, threads: usize) -> Vec<u64> {
     }
     let next = AtomicUsize::new(0);
     rayon::scope(|scope| {
-        for _ in 0..threads {
+        for _ in 0..options.threads {
             scope.spawn(|_| {
                 let mut points = [const { Vec::new() }; 3];
-                let plane = [NO_PLANE; JOB];
+                let plane = vec![NO_PLANE; options.job];
                 while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
                     let mut job = job.lock().expect("no thread panics with a job");
                     let (shooter, first, ref mut masks) = *job;
@@ -156,7 +162,7 @@ struct Rays {
 }
 
 impl Rays {
-    fn read(bytes: &[u8]) -> Result<Rays, Failure> {
+    fn read(bytes: &[u8], scattered: bool) -> Result<Rays, Failure> {
         let mut reader = Reader { bytes, file: "rays" };
         reader.magic(b"RLRAYS01")?;
         let [shooters, cells, receivers, pairs] = [reader.u64()?, reader.u64()?, reader.u64()?, reader.u64()?];
@@ -173,7 +179,8 @@ impl Rays {
         };
         for _ in 0..shooters {
             let points = (0..cells).map(|_| reader.point()).collect::<Result<Vec<_>, _>>()?;
-            let cells = grid_of(&points).map_or(Cells::Points(points), Cells::Grid);
+            let grid = if scattered { None } else { grid_of(&points) };
+            let cells = grid.map_or(Cells::Points(points), Cells::Grid);
             read.shooters.push(Shooter { cells, plane: NO_PLANE, far });
         }
         read.receivers = (0..receivers).map(|_| reader.point()).collect::<Result<_, _>>()?;

@@ -11,6 +11,7 @@
 
 mod boxes;
 mod build;
+mod descent;
 mod grid;
 mod hierarchy;
 mod instruction_set;
@@ -24,9 +25,11 @@ mod plan;
 mod predicate;
 pub mod reference;
 mod region;
+mod scattered;
 mod shadow;
 mod shaft;
 mod shaft_region;
+mod shafts;
 mod shooter;
 mod sieve;
 mod spans;

@@ -1,15 +1,12 @@
 //! Masks of many points against one shooter: packets of neighbours descend the hierarchy together.
 
-use arrayvec::ArrayVec;
-
-use crate::build::{STACK, Target, WIDTH};
-use crate::grid::OverGrid;
+use crate::descent::Over;
+use crate::grid::AtGrid;
 use crate::instruction_set::{Machine, Task};
-use crate::items::SINGLE;
 use crate::packet::{Candidate, PACKET, Packet};
 use crate::plan::Plan;
 use crate::predicate::Prepared;
-use crate::shaft::Shaft;
+use crate::scattered::AtCells;
 use crate::{Filter, Hierarchy, NO_PLANE, OPAQUE, Points, Tally};
 
 /// The work of [`Hierarchy::clear_blocked`].
@@ -27,32 +24,11 @@ impl Task for Clear<'_> {
     fn run<M: Machine>(self, machine: M) -> Tally {
         let plan = self.plan;
         match (&plan.axes, plan.side) {
-            (Some(axes), 4) => machine.call(OverGrid::<4>(self, axes)),
-            (Some(axes), 8) => machine.call(OverGrid::<8>(self, axes)),
-            (Some(axes), _) => machine.call(OverGrid::<0>(self, axes)),
-            (None, _) => machine.call(OverCells(self)),
+            (Some(axes), 4) => machine.call(Over::<AtGrid<4>>(self, axes)),
+            (Some(axes), 8) => machine.call(Over::<AtGrid<8>>(self, axes)),
+            (Some(axes), _) => machine.call(Over::<AtGrid<0>>(self, axes)),
+            (None, _) => machine.call(Over::<AtCells>(self, ())),
         }
-    }
-}
-
-/// For cells wherever they are: every triangle in a packet's shaft is tested.
-struct OverCells<'a>(Clear<'a>);
-
-impl Task for OverCells<'_> {
-    type Output = Tally;
-
-    #[inline(always)]
-    fn run<M: Machine>(self, machine: M) -> Tally {
-        let Clear { hierarchy, plan, points, masks } = self.0;
-        let mut tally = Tally::default();
-        let mut search = Search { hierarchy, plan, last_blocker: None, tested: false };
-        for numbers in in_packets(points).chunks(PACKET) {
-            let mut packet = pack(machine, plan, points, numbers, masks);
-            search.tested = false;
-            search.descend(machine, &mut packet);
-            tally = tally.join(packet.unpack(plan, numbers, masks, search.tested));
-        }
-        tally
     }
 }
 
@@ -120,82 +96,13 @@ pub(crate) fn pack<M: Machine>(machine: M, plan: &Plan, points: Points, numbers:
     packet
 }
 
-struct Search<'a> {
-    hierarchy: &'a Hierarchy,
-    plan: &'a Plan,
-    /// What hid something last probably hides it from the neighbours too.
-    last_blocker: Option<usize>,
-    tested: bool,
-}
-
-impl Search<'_> {
-    #[inline(always)]
-    fn descend<M: Machine>(&mut self, machine: M, packet: &mut Packet) {
-        let hierarchy = self.hierarchy;
-        let mut unfinished = packet.unfinished(machine);
-        if unfinished == 0 || hierarchy.nodes.is_empty() {
-            return;
-        }
-        if let Some(last) = self.last_blocker {
-            self.test(machine, packet, last);
-        }
-        let mut in_shaft = (0, 0);
-        let mut shaft = None;
-        let mut stack = ArrayVec::<u32, STACK>::new();
-        stack.push(0);
-        while !stack.is_empty() {
-            unfinished = packet.unfinished(machine);
-            if unfinished == 0 {
-                return;
-            }
-            // A narrower shaft, once it is for much fewer receivers or cells.
-            let size = (unfinished.count_ones(), packet.union().count_ones());
-            if shaft.is_none() || 2 * size.0 <= in_shaft.0 || 4 * size.1 <= 3 * in_shaft.1 {
-                shaft = Some(Shaft::new(self.plan, packet, unfinished, &hierarchy.bounds));
-                in_shaft = size;
-            }
-            let Some(shaft) = &shaft else { return };
-            let Some(number) = stack.pop() else { return };
-            let node = &hierarchy.nodes[number as usize];
-            let above = stack.len();
-            let mut children = shaft.children(machine, node);
-            while children != 0 {
-                let i = children.trailing_zeros() as usize % WIDTH;
-                children &= children - 1;
-                match node.child[i].target() {
-                    Target::Node(number) => {
-                        stack.push(number as u32);
-                    }
-                    Target::Triangles(range) => {
-                        let (mut index, end) = (range.start, range.end);
-                        while index < end {
-                            self.test(machine, packet, index);
-                            index += if hierarchy.facets[index] == SINGLE { 1 } else { 2 };
-                        }
-                    }
-                }
-            }
-            // The largest child was found first and is to be visited first.
-            stack[above..].reverse();
-        }
-    }
-
-    /// Tests the triangles of a facet.
-    #[inline(always)]
-    fn test<M: Machine>(&mut self, machine: M, packet: &mut Packet, index: usize) {
-        let (hierarchy, plan, tested) = (self.hierarchy, self.plan, &mut self.tested);
-        if machine.call(Test { hierarchy, plan, packet, index, tested }) {
-            self.last_blocker = Some(index);
-        }
-    }
-}
-
-/// The predicate for the triangles of a facet and all receivers; whether it blocked anything.
+/// The predicate for the triangles of a facet, all receivers and these cells; whether it blocked anything.
 pub(crate) struct Test<'a> {
     pub hierarchy: &'a Hierarchy,
     pub plan: &'a Plan,
     pub packet: &'a mut Packet,
     pub index: usize,
+    pub cells: u64,
     /// Set where a triangle was tested.
     pub tested: &'a mut bool,
 }
@@ -205,11 +112,11 @@ impl Task for Test<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> bool {
-        let Test { hierarchy, plan, packet, index, tested } = self;
+        let Test { hierarchy, plan, packet, index, cells: asked, tested } = self;
         let (first, other) = hierarchy.facet(index);
         let mut blocked = false;
         for triangle in [Some(first), other].into_iter().flatten() {
-            let cells = hierarchy.blocked_cells(plan, triangle.filter);
+            let cells = hierarchy.blocked_cells(plan, triangle.filter) & asked;
             if cells == 0 || triangle.plane == plan.plane && plan.plane != NO_PLANE {
                 continue;
             }

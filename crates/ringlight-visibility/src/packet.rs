@@ -102,9 +102,17 @@ impl Packet {
     /// The lanes that still see something, as bits.
     #[inline(always)]
     pub fn unfinished<S: Machine>(&self, simd: S) -> u32 {
+        self.seeing(simd, u64::MAX)
+    }
+
+    /// The lanes that still see any of these cells, as bits.
+    #[inline(always)]
+    pub fn seeing<S: Machine>(&self, simd: S, cells: u64) -> u32 {
         let mut bits = 0;
         for chunk in 0..PACKET / S::F32_LANES {
-            let [low, high] = [0, 1].map(|w| S::as_simd_u32s(&self.words[w]).0[chunk]);
+            let [low, high] = self.masks(simd, chunk);
+            let low = simd.and_u32s(low, simd.splat_u32s(cells as u32));
+            let high = simd.and_u32s(high, simd.splat_u32s((cells >> 32) as u32));
             bits |= simd.bits(nonzero(simd, simd.or_u32s(low, high))) << (chunk * S::F32_LANES);
         }
         bits

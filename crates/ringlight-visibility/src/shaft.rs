@@ -47,15 +47,9 @@ impl Shaft {
         let mut reach = reach;
         let mut cells = around(plan, bits);
         if plan.kind == Kind::Directions {
-            // No triangle is farther than this from any of the receivers.
-            reach = (0..3).map(|i| (scene.high[i] - points.0[i]).max(points.1[i] - scene.low[i]).max(0.0)).sum();
-            let shortest = plan.cells[..plan.count].iter().map(|d| d.map(f32::abs).into_iter().fold(0.0, f32::max));
-            // Along any direction, this leaves the scene.
-            let way = 1.01 * reach / shortest.filter(|&d| d > 0.0).fold(1.0, f32::min);
-            cells = (
-                std::array::from_fn(|i| points.0[i] + way * cells.0[i]),
-                std::array::from_fn(|i| points.1[i] + way * cells.1[i]),
-            );
+            let way;
+            (reach, way) = leave(plan, points, scene);
+            cells = along(points, cells, way);
         }
         let margin = SHAFT_MARGIN * reach;
         let centre: Vector = std::array::from_fn(|i| 0.5 * points.0[i] + 0.5 * points.1[i]);
@@ -161,8 +155,25 @@ impl Shaft {
     }
 }
 
+/// For directions: no triangle is farther than the first of any of the points in the box, and the second times any
+/// direction leads out of the scene.
+pub(crate) fn leave(plan: &Plan, points: (Vector, Vector), scene: &Bounds) -> (f32, f32) {
+    let reach = (0..3).map(|i| (scene.high[i] - points.0[i]).max(points.1[i] - scene.low[i]).max(0.0)).sum::<f32>();
+    let shortest = plan.cells[..plan.count].iter().map(|d| d.map(f32::abs).into_iter().fold(0.0, f32::max));
+    (reach, 1.01 * reach / shortest.filter(|&d| d > 0.0).fold(1.0, f32::min))
+}
+
+/// Where points of a box get to, so far along directions of another one.
+#[inline(always)]
+pub(crate) fn along(points: (Vector, Vector), directions: (Vector, Vector), way: f32) -> (Vector, Vector) {
+    (
+        std::array::from_fn(|i| points.0[i] + way * directions.0[i]),
+        std::array::from_fn(|i| points.1[i] + way * directions.1[i]),
+    )
+}
+
 /// The box around these cells; around a parallelogram that holds them, if they are of a plane grid.
-fn around(plan: &Plan, mut bits: u64) -> (Vector, Vector) {
+pub(crate) fn around(plan: &Plan, mut bits: u64) -> (Vector, Vector) {
     let mut cells = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
     if plan.kind == Kind::Grid && plan.side > 1 {
         let side = plan.side;

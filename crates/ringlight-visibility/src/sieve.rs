@@ -22,52 +22,76 @@ use crate::{NO_PLANE, Triangle};
 
 /// Bound on the error of the functions here, relative to longest · (|v|+|x|+longest) · reach: the third is the sum of three
 /// with some twelve roundings of 2⁻²⁴ each.
-const OURS: f32 = 3.0 * ROUNDING;
+pub(crate) const OURS: f32 = 3.0 * ROUNDING;
 
 /// Bound on the predicate's, relative to longest · (|v−x|+longest) · reach. It may err by [`ROUNDING`] and forgives as
 /// much; where two triangles make a parallelogram, a border of one is the sum of two functions of the other.
-const THEIRS: f32 = 4.0 * ROUNDING;
+pub(crate) const THEIRS: f32 = 4.0 * ROUNDING;
 
 /// How far two triangles may be from a parallelogram, relative to the longest edge.
 pub(crate) const FLAT: f32 = 2.0 * ROUNDING;
 
-/// A facet as seen from the shooter.
+/// A facet.
 pub(crate) struct Facet {
-    corner: Vector,
-    e: Vector,
-    g: Vector,
-    normal: Vector,
+    pub corner: Vector,
+    pub e: Vector,
+    pub g: Vector,
+    pub normal: Vector,
+    pub longest: f32,
+    /// What the predicate may be off, for each metre from the corner and of reach.
+    pub strip: f32,
+    /// Least |T| for each metre from the corner that tells the side.
+    pub flat: f32,
+    /// Least |T| for each metre from the corner where rounding cannot confuse the two triangles; 0 where that does not matter.
+    pub grazing: f32,
+    pub plane: u32,
+    /// Whether it is a parallelogram.
+    pub is_quad: bool,
+}
+
+/// A facet as seen from a grid.
+struct Seen<'a> {
+    facet: &'a Facet,
     /// v × e and g × v.
     moments: [Vector; 2],
     /// Their products with U and W.
     slopes: [[f32; 2]; 2],
     /// N·U, N·W.
     rise: [f32; 2],
-    longest: f32,
-    /// What the predicate may be off, for each metre from the corner and of reach.
-    strip: f32,
     /// |v| + longest.
     size: f32,
-    /// Least |T| for each metre from the corner that tells the side.
-    flat: f32,
-    /// Least |T| for each metre from the corner where rounding cannot confuse the two triangles; 0 where that does not matter.
-    grazing: f32,
-    plane: u32,
+}
+
+impl Seen<'_> {
+    #[inline(always)]
+    fn new<'a>(plan: &Plan, facet: &'a Facet) -> Seen<'a> {
+        let seen = sub(facet.corner, plan.anchor);
+        let moments = [cross(seen, facet.e), cross(facet.g, seen)];
+        Seen {
+            facet,
+            moments,
+            slopes: [
+                [product(moments[0], plan.edge_u), product(moments[0], plan.edge_v)],
+                [product(moments[1], plan.edge_u), product(moments[1], plan.edge_v)],
+            ],
+            rise: [product(facet.normal, plan.edge_u), product(facet.normal, plan.edge_v)],
+            size: length(seen) + facet.longest,
+        }
+    }
 }
 
 impl Facet {
     /// The triangle; with `other`, the parallelogram that both make. See [`crate::items::parallelogram`] for `corners`.
     #[inline(always)]
-    pub fn new(plan: &Plan, triangle: &Triangle, corners: u8, other: Option<&Triangle>) -> Facet {
+    pub fn new(triangle: &Triangle, corners: u8, other: Option<&Triangle>) -> Facet {
         let [corner, b, c] = match corners & 3 {
             1 => [triangle.corners[1], triangle.corners[2], triangle.corners[0]],
             2 => [triangle.corners[2], triangle.corners[0], triangle.corners[1]],
             _ => triangle.corners,
         };
         let fourth = other.map(|t| t.corners[(corners >> 2) as usize % 3]);
-        let (e, g, seen) = (sub(b, corner), sub(c, corner), sub(corner, plan.anchor));
+        let (e, g) = (sub(b, corner), sub(c, corner));
         let normal = cross(e, g);
-        let moments = [cross(seen, e), cross(g, seen)];
         let edge = sub(e, g);
         let more = |a: f32, b: f32| if a > b { a } else { b };
         let longest = more(more(length(e), length(g)), length(edge));
@@ -82,19 +106,13 @@ impl Facet {
             e,
             g,
             normal,
-            moments,
-            slopes: [
-                [product(moments[0], plan.edge_u), product(moments[0], plan.edge_v)],
-                [product(moments[1], plan.edge_u), product(moments[1], plan.edge_v)],
-            ],
-            rise: [product(normal, plan.edge_u), product(normal, plan.edge_v)],
             longest,
             strip: THEIRS * longest + 2.0 * bent,
-            size: length(seen) + longest,
             flat: 0.5 * ROUNDING * length(normal) + 2.0 * bent * longest,
             // Where both triangles fill the same box, the predicate's check of grazing hits passes for both.
             grazing: if (0..3).all(|i| e[i] * g[i] <= 0.0) { 0.0 } else { 0.5 * GRAZING * squared },
             plane: triangle.plane,
+            is_quad: other.is_some(),
         }
     }
 }
@@ -138,8 +156,8 @@ impl Frame {
 pub(crate) struct Sifted {
     /// Whether bits were cleared.
     pub cleared: bool,
-    /// Whether the predicate is to be asked about bits that are left.
-    pub doubtful: bool,
+    /// The cells that the predicate is to be asked about.
+    pub doubtful: u64,
 }
 
 /// Clears what the facet hides for certain.
@@ -151,9 +169,10 @@ pub(crate) fn sift<S: Machine, const SIDE: usize, const QUAD: bool>(
     packet: &mut Packet,
     facet: &Facet,
 ) -> Sifted {
-    let mut sifted = Sifted { cleared: false, doubtful: false };
+    let mut sifted = Sifted { cleared: false, doubtful: 0 };
+    let seen = Seen::new(plan, facet);
     for chunk in 0..PACKET / S::F32_LANES {
-        sift_chunk::<S, SIDE, QUAD>(simd, plan, frame, packet, facet, chunk, &mut sifted);
+        sift_chunk::<S, SIDE, QUAD>(simd, plan, frame, packet, &seen, chunk, &mut sifted);
     }
     sifted
 }
@@ -164,10 +183,11 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
     plan: &Plan,
     frame: &Frame,
     packet: &mut Packet,
-    facet: &Facet,
+    seen: &Seen,
     chunk: usize,
     sifted: &mut Sifted,
 ) {
+    let facet = seen.facet;
     let masks = packet.masks_of::<S, SIDE>(simd, chunk);
     let mut alive = nonzero(simd, simd.or_u32s(masks[0], masks[1]));
     if facet.plane != NO_PLANE {
@@ -181,15 +201,15 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
     let near = norm(to_corner) + facet.longest;
     let unsure = simd.and_m32s(alive, distance.below(near * facet.flat));
     let reach = packet.reach(simd, chunk);
-    let across = facet.size + Lanes::load(simd, &frame.length, chunk);
+    let across = seen.size + Lanes::load(simd, &frame.length, chunk);
     let band = (across * (OURS * facet.longest) + near * facet.strip) * reach;
 
     let x = Frame::vector(simd, &frame.x, chunk);
     let (by_u, by_v) = (Frame::vector(simd, &frame.by_u, chunk), Frame::vector(simd, &frame.by_v, chunk));
     let rise = Affine {
         base: dot_plus(simd, x, opposite(facet.normal), zero).flip(sign),
-        u: Lanes::splat(simd, facet.rise[0]).flip(sign),
-        v: Lanes::splat(simd, facet.rise[1]).flip(sign),
+        u: Lanes::splat(simd, seen.rise[0]).flip(sign),
+        v: Lanes::splat(simd, seen.rise[1]).flip(sign),
         w: zero,
     };
     let depth_band = (across + reach) * (THEIRS * facet.longest * facet.longest);
@@ -200,15 +220,15 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
         return;
     }
     let first = Affine {
-        base: dot_plus(simd, x, opposite(facet.moments[0]), zero).flip(sign),
-        u: dot_plus(simd, by_u, facet.e, Lanes::splat(simd, facet.slopes[0][0])).flip(sign),
-        v: dot_plus(simd, by_v, facet.e, Lanes::splat(simd, facet.slopes[0][1])).flip(sign),
+        base: dot_plus(simd, x, opposite(seen.moments[0]), zero).flip(sign),
+        u: dot_plus(simd, by_u, facet.e, Lanes::splat(simd, seen.slopes[0][0])).flip(sign),
+        v: dot_plus(simd, by_v, facet.e, Lanes::splat(simd, seen.slopes[0][1])).flip(sign),
         w: zero,
     };
     let second = Affine {
-        base: dot_plus(simd, x, opposite(facet.moments[1]), zero).flip(sign),
-        u: dot_plus(simd, by_u, opposite(facet.g), Lanes::splat(simd, facet.slopes[1][0])).flip(sign),
-        v: dot_plus(simd, by_v, opposite(facet.g), Lanes::splat(simd, facet.slopes[1][1])).flip(sign),
+        base: dot_plus(simd, x, opposite(seen.moments[1]), zero).flip(sign),
+        u: dot_plus(simd, by_u, opposite(facet.g), Lanes::splat(simd, seen.slopes[1][0])).flip(sign),
+        v: dot_plus(simd, by_v, opposite(facet.g), Lanes::splat(simd, seen.slopes[1][1])).flip(sign),
         w: zero,
     };
     let (third, fourth) =
@@ -264,7 +284,7 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
         S::as_mut_simd_u32s(&mut packet.words[w]).0[chunk] = simd.xor_u32s(masks[w], sure[w]);
     }
     sifted.cleared |= any(simd, nonzero(simd, hidden));
-    sifted.doubtful |= any(simd, nonzero(simd, left));
+    sifted.doubtful |= if any(simd, nonzero(simd, left)) { u64::MAX } else { 0 };
 }
 
 /// −a.

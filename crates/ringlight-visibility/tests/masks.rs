@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Place, Random, Samples, filters, hierarchies, samples, shooter, triangles};
+use common::{Place, Random, Samples, filters, hierarchies, samples, shooter, shooter_of, triangles};
 use proptest::prelude::*;
 use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Tally, reference};
 
@@ -10,6 +10,7 @@ fn every_instruction_set_gives_the_reference_masks(
     seed: u64,
     count: usize,
     shooters: usize,
+    kinds: std::ops::Range<usize>,
 ) -> Result<u64, TestCaseError> {
     let random = &mut Random(seed);
     let place = Place::random(random);
@@ -18,7 +19,8 @@ fn every_instruction_set_gives_the_reference_masks(
     let hierarchies = hierarchies(&triangles, &filters);
     let mut cleared = 0;
     for _ in 0..shooters {
-        let shooter = shooter(random, place);
+        let kind = kinds.start + random.below(kinds.len());
+        let shooter = shooter_of(kind, random, place);
         let samples = samples(random, place);
         let all = shooter.cells.all();
         let given: Vec<u64> =
@@ -43,7 +45,12 @@ proptest! {
 
     #[test]
     fn masks_equal_brute_force_on_small_scenes(seed: u64, count in 0usize..60) {
-        every_instruction_set_gives_the_reference_masks(seed, count, 4)?;
+        every_instruction_set_gives_the_reference_masks(seed, count, 4, 0..5)?;
+    }
+
+    #[test]
+    fn masks_of_scattered_cells_equal_brute_force(seed: u64, count in 0usize..60) {
+        every_instruction_set_gives_the_reference_masks(seed, count, 4, 3..5)?;
     }
 }
 
@@ -52,7 +59,7 @@ proptest! {
 
     #[test]
     fn masks_equal_brute_force_on_larger_scenes(seed: u64) {
-        every_instruction_set_gives_the_reference_masks(seed, 1500, 1)?;
+        every_instruction_set_gives_the_reference_masks(seed, 1500, 1, 0..5)?;
     }
 
     #[test]
@@ -105,8 +112,9 @@ proptest! {
 /// The comparisons above would hold for a predicate that never blocks.
 #[test]
 fn random_scenes_block_a_good_share_of_the_rays() {
-    let cleared: u64 =
-        (0..20).map(|seed| every_instruction_set_gives_the_reference_masks(seed, 40, 4).expect("masks agree")).sum();
+    let cleared: u64 = (0..30)
+        .map(|seed| every_instruction_set_gives_the_reference_masks(seed, 40, 4, 0..5).expect("masks agree"))
+        .sum();
     assert!(cleared > 20_000, "only {cleared} rays were blocked");
 }
 

@@ -207,14 +207,20 @@ pub fn filters(random: &mut Random) -> Vec<Filter> {
 }
 
 pub fn shooter(random: &mut Random, place: Place) -> Shooter {
+    let kind = random.below(5);
+    shooter_of(kind, random, place)
+}
+
+/// Of a grid (kinds 0 to 2), of points (3), or of directions (4).
+pub fn shooter_of(kind: usize, random: &mut Random, place: Place) -> Shooter {
     let lattice = random.below(2) == 0;
     let point = |random: &mut Random| {
         if lattice { random.lattice() } else { random.vector() }
     };
     let difference = |a: Vector, b: Vector| -> Vector { std::array::from_fn(|i| a[i] - b[i]) };
     let side = [1, 2, 4, 8][random.below(4)];
-    let cells = match random.below(5) {
-        kind @ 0..=2 => {
+    let cells = match kind {
+        0..=2 => {
             let corner = place.at(point(random));
             let edges = [place.at(point(random)), place.at(point(random))].map(|p| difference(p, corner));
             let twist = difference(place.at(random.vector()), place.at([0.0; 3])).map(|c| 0.2 * c);
@@ -227,14 +233,35 @@ pub fn shooter(random: &mut Random, place: Place) -> Shooter {
                 side,
             })
         }
-        3 => Cells::Points((0..1 + random.below(64)).map(|_| place.at(point(random))).collect()),
-        _ => Cells::Directions(
-            (0..1 + random.below(64))
-                .map(|_| if lattice { add(random.lattice(), [0.0, 0.0, 1.0], 1.5) } else { random.vector() })
-                .collect(),
-        ),
+        3 => Cells::Points(scattered(random, point).into_iter().map(|p| place.at(p)).collect()),
+        _ => Cells::Directions(scattered(random, |random| {
+            if lattice { add(random.lattice(), [0.0, 0.0, 1.0], 1.5) } else { random.vector() }
+        })),
     };
     Shooter { cells, plane: if random.below(2) == 0 { random.below(4) as u32 } else { NO_PLANE }, far: 0.9999 }
+}
+
+/// 1 to 64 points, often few: anywhere, near each other, in a plane, along an axis, in a line, or in one place.
+pub fn scattered(random: &mut Random, point: impl Fn(&mut Random) -> Vector) -> Vec<Vector> {
+    let most = [4, 16, 64][random.below(3)];
+    let count = 1 + random.below(most);
+    let (first, edges) = (point(random), [random.vector(), random.vector()]);
+    let (kind, axis, size) = (random.below(6), random.below(3), [1.0, 0.1, 0.001][random.below(3)]);
+    let near = |random: &mut Random| match kind {
+        0 => point(random),
+        1 => add(first, random.vector(), size),
+        2 => {
+            let [u, v] = [size * random.signed(), size * random.signed()];
+            add(add(first, edges[0], u), edges[1], v)
+        }
+        3 => {
+            let apart = random.vector();
+            std::array::from_fn(|i| if i == axis { first[i] } else { first[i] + size * apart[i] })
+        }
+        4 => add(first, edges[0], size * random.signed()),
+        _ => first,
+    };
+    (0..count).map(|_| near(random)).collect()
 }
 
 /// Sample points with their planes, owned.
