@@ -141,7 +141,7 @@ impl<L: Look> Task for Descent<'_, '_, L> {
                 for &index in remembered.by_ref() {
                     if index != NONE {
                         met = false;
-                        break 'next (index, plan.all);
+                        break 'next (index, u64::MAX);
                     }
                 }
                 while waiting != 0 {

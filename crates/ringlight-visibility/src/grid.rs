@@ -33,7 +33,7 @@ impl<const SIDE: usize> Look for AtGrid<SIDE> {
 
     #[inline(always)]
     fn hidden<M: Machine>(&self, machine: M, plan: &Plan, packet: &Packet, around: (Vector, Vector)) -> u64 {
-        if self.shadows.matters::<M, SIDE>(machine, plan, packet, around) { plan.all } else { 0 }
+        if self.shadows.matters::<M, SIDE>(machine, plan, packet, around) { u64::MAX } else { 0 }
     }
 
     #[inline(always)]
