@@ -60,7 +60,7 @@ pub(crate) trait Look: Sized {
     fn narrow<M: Machine>(&mut self, machine: M, plan: &Plan, packet: &Packet, unfinished: u32, scene: &Bounds);
 
     /// Boxes, in the coordinates in which they are looked at.
-    fn turn<M: Machine>(machine: M, plan: &Plan, of: Self::Of<'_>, boxes: Boxes, to: &mut Block);
+    fn turn<M: Machine>(machine: M, plan: &Plan, of: Self::Of<'_>, boxes: Borders, to: &mut Block);
 
     /// The cells still seen that a box may hide, or more.
     fn hidden<M: Machine>(&self, machine: M, plan: &Plan, packet: &Packet, around: (Vector, Vector)) -> u64;
@@ -69,8 +69,8 @@ pub(crate) trait Look: Sized {
     fn sift<M: Machine>(&self, machine: M, plan: &Plan, packet: &mut Packet, facet: &Facet, cells: u64) -> Sifted;
 }
 
-/// Their borders, axis by axis.
-pub(crate) type Boxes<'a> = (&'a [[f32; WIDTH]; 3], &'a [[f32; WIDTH]; 3]);
+/// Least and greatest coordinates of boxes, axis by axis.
+pub(crate) type Borders<'a> = (&'a [[f32; WIDTH]; 3], &'a [[f32; WIDTH]; 3]);
 
 /// The work of [`Clear`], looked at in one way.
 pub(crate) struct Over<'a, L: Look>(pub Clear<'a>, pub L::Of<'a>);
@@ -141,7 +141,7 @@ impl<L: Look> Task for Descent<'_, '_, L> {
                 for &index in remembered.by_ref() {
                     if index != NONE {
                         met = false;
-                        break 'next (index, plan.all);
+                        break 'next (index, u64::MAX);
                     }
                 }
                 while waiting != 0 {

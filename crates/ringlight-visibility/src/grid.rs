@@ -1,7 +1,7 @@
 //! How boxes and facets are looked at for the cells of a planar grid, the usual shooter.
 
 use crate::build::Bounds;
-use crate::descent::{Boxes, Look};
+use crate::descent::{Borders, Look};
 use crate::instruction_set::Machine;
 use crate::packet::Packet;
 use crate::plan::Plan;
@@ -27,13 +27,13 @@ impl<const SIDE: usize> Look for AtGrid<SIDE> {
     fn narrow<M: Machine>(&mut self, _: M, _: &Plan, _: &Packet, _: u32, _: &Bounds) {}
 
     #[inline(always)]
-    fn turn<M: Machine>(machine: M, plan: &Plan, axes: &[Vector; 3], (low, high): Boxes, to: &mut Block) {
+    fn turn<M: Machine>(machine: M, plan: &Plan, axes: &[Vector; 3], (low, high): Borders, to: &mut Block) {
         turned(machine, plan, axes, low, high, to);
     }
 
     #[inline(always)]
     fn hidden<M: Machine>(&self, machine: M, plan: &Plan, packet: &Packet, around: (Vector, Vector)) -> u64 {
-        if self.shadows.matters::<M, SIDE>(machine, plan, packet, around) { plan.all } else { 0 }
+        if self.shadows.matters::<M, SIDE>(machine, plan, packet, around) { u64::MAX } else { 0 }
     }
 
     #[inline(always)]

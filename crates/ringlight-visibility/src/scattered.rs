@@ -12,7 +12,7 @@
 #![allow(clippy::needless_range_loop, reason = "what iterators do to lanes is not inlined, and loses the vectors")]
 
 use crate::build::Bounds;
-use crate::descent::{Boxes, Look};
+use crate::descent::{Borders, Look};
 use crate::instruction_set::Machine;
 use crate::lanes::{LaneVector, Lanes, any, dot, dot_lanes, dot_plus, flip, from_point, minus, nonzero, norm, splat};
 use crate::packet::{PACKET, Packet};
@@ -71,7 +71,7 @@ impl Look for AtCells {
     }
 
     #[inline(always)]
-    fn turn<M: Machine>(_: M, _: &Plan, (): (), (low, high): Boxes, to: &mut Block) {
+    fn turn<M: Machine>(_: M, _: &Plan, (): (), (low, high): Borders, to: &mut Block) {
         (to.low, to.high) = (*low, *high);
     }
 

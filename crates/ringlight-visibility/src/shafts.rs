@@ -13,7 +13,7 @@
 
 use crate::instruction_set::Machine;
 use crate::lanes::Lanes;
-use crate::predicate::{SHAFT_MARGIN, Vector, sub};
+use crate::predicate::{ROUNDING, SHAFT_MARGIN, Vector, norm, sub};
 
 /// Slopes below this share of the margin count as this.
 const FLAT: f32 = 1.0 / 1024.0;
@@ -37,9 +37,11 @@ impl<const N: usize> Shafts<N> {
     /// Makes lane `k` the shaft from a box to another one, grown by its margin for this reach.
     #[inline(always)]
     pub fn put(&mut self, k: usize, from: (Vector, Vector), to: (Vector, Vector), reach: f32) {
-        // What slopes are raised by goes on top. Where all is in one place, anything positive will do.
-        let margin = (SHAFT_MARGIN * (1.0 + FLAT)) * reach + 1e-30;
         let (low, high) = (sub(from.0, self.centre), sub(from.1, self.centre));
+        // What slopes are raised by goes on top, and rounding where the centre is farther than the other box. Where all is in
+        // one place, anything positive will do.
+        let rounding = ROUNDING * (norm(low) + norm(high));
+        let margin = ((SHAFT_MARGIN * (1.0 + FLAT)) * reach + rounding) + 1e-30;
         for axis in 0..3 {
             self.offset[2 * axis][k] = margin - low[axis];
             self.offset[2 * axis + 1][k] = margin + high[axis];

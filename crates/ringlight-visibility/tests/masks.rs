@@ -118,6 +118,29 @@ fn random_scenes_block_a_good_share_of_the_rays() {
     assert!(cleared > 20_000, "only {cleared} rays were blocked");
 }
 
+/// What is near the cells is not left out for the rounding of what is far.
+#[test]
+fn receivers_near_and_far_in_one_packet_are_answered_alike() {
+    let random = &mut Random(5);
+    for size in [1e-4, 1e-3, 1e-2] {
+        let place = Place { scale: size, offset: [0.0; 3] };
+        let made = triangles(random, place, 200, 0);
+        let hierarchy = Hierarchy::build(made.clone(), Vec::new());
+        for _ in 0..200 {
+            let shooter = shooter_of(3, random, place);
+            let far = random.vector().map(|c| 1000.0 * c);
+            let points: Vec<_> = (0..16).map(|i| if i % 4 == 0 { far } else { place.at(random.vector()) }).collect();
+            let samples = Samples::new(&points, vec![NO_PLANE; 16]);
+            // Far ones see nothing any more, or all would be looked at for them.
+            let given: [u64; 16] = std::array::from_fn(|i| if i % 4 == 0 { 0 } else { shooter.cells.all() });
+            let (mut masks, mut expected) = (given, given);
+            hierarchy.clear_blocked(&shooter, samples.points(), &mut masks);
+            reference::clear_blocked(&made, &[], &shooter, samples.points(), &mut expected);
+            assert_eq!(masks, expected, "{shooter:?}");
+        }
+    }
+}
+
 #[test]
 fn coordinates_that_are_not_finite_block_nothing() {
     let random = &mut Random(1);
