@@ -22,7 +22,7 @@ pub use field::{Field, WHOLE};
 pub use light::{ClusterLight, ElementLight, PatchLight, radiosity, unshot_power, unshot_radiosity};
 pub use packet::Packet;
 pub use receive::{Work, add_received, collect, receive};
-pub use receivers::{Receivers, Sharing};
+pub use receivers::Receivers;
 pub use shot::{CellLight, FAR, PatchSource, Shoot, Shot, Source, patch_shot};
 pub use tree::{Kind, Node, Piece, ShooterTree, direction, distance, most_facing};
 pub use tree_light::{Radiosity, TreeLight, strength};

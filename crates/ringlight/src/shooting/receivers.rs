@@ -17,22 +17,16 @@ const TOGETHER: u32 = 16;
 /// by (width/distance)⁴/100 of what comes from one element.
 const NEAR: f64 = 1.5;
 
-/// Some elements of neighbouring patches. Light is found for *rows*: one for each element, but that elements much smaller than
-/// wanted share a row with others beside them that face alike, so that work follows the wanted resolution, not the number of
-/// triangles.
+/// Some elements of neighbouring patches.
 #[derive(Clone, Debug)]
 pub struct Receivers {
-    /// Patches, the numbers of their elements that have rows, and the first of these, which are consecutive.
+    /// Patches, the numbers of their elements that belong here, and what the first is called; names are consecutive.
     patches: Vec<(Patch, Vec<u32>, u32)>,
-    /// Elements of the cluster.
+    /// Elements of the cluster, in the order of names.
     pub elements: Vec<u32>,
-    /// The row of each of these; none if it is covered by other geometry.
-    pub rows: Vec<Option<u32>>,
-    /// Where rows are and the way they face.
-    places: Vec<(DVec3, DVec3)>,
-    /// The sample points of rows.
+    /// Their sample points; elements without one are left out.
     pub points: FarReceivers,
-    /// Width of the widest row, metres.
+    /// Width of the widest element, metres.
     pub width: f32,
     /// Box around the elements, metres.
     pub low: Vec3,
@@ -44,45 +38,24 @@ pub struct Receivers {
     pub cosine: f32,
 }
 
-/// How elements share rows.
-#[derive(Clone, Copy, Debug)]
-pub struct Sharing {
-    /// Elements narrower than this do, metres.
-    below: f64,
-    /// With a row no farther than this, metres.
-    reach: f64,
-}
-
-impl Sharing {
-    /// For the light that is asked for: an element of half the wanted width is a row of its own.
-    pub fn fine(mesh: &Mesh) -> Sharing {
-        Sharing { below: 0.5 * mesh.sizes.element, reach: 0.5 * mesh.sizes.element }
-    }
-
-    /// For a first impression: a row for some ten elements.
-    pub fn coarse(mesh: &Mesh) -> Sharing {
-        Sharing { below: 2.0 * mesh.sizes.element, reach: 2.0 * mesh.sizes.element }
-    }
-}
-
-/// Least cosine between the normals of elements that share a row.
-const ALIKE: f64 = 0.9;
-
 impl Receivers {
     /// Those of a cluster. Elements are numbered within it.
-    pub fn of(mesh: &Mesh, cluster: &Cluster, sharing: Sharing) -> Vec<Receivers> {
+    pub fn of(mesh: &Mesh, cluster: &Cluster) -> Vec<Receivers> {
         let mut all: Vec<Receivers> = Vec::new();
+        let mut open = false;
         for id in cluster.patches.clone() {
             let patch = mesh.patch(id);
             let first = patch.first_element - cluster.elements.start;
             for block in blocks(&patch) {
                 let normal = patch.normal.as_vec3();
-                let full = |r: &Receivers| r.places.len() + block.len() > TOGETHER as usize || r.axis.dot(normal) < 0.5;
-                if all.last().is_none_or(full) {
-                    all.push(Receivers::none(normal));
+                let full =
+                    |r: &Receivers| r.elements.len() + block.len() > TOGETHER as usize || r.axis.dot(normal) < 0.5;
+                if !open || all.last().is_none_or(full) {
+                    all.push(Receivers::none());
+                    open = true;
                 }
                 if let Some(last) = all.last_mut() {
-                    last.push(mesh, &patch, first, &block, sharing);
+                    last.push(mesh, &patch, first, block);
                 }
             }
         }
@@ -90,62 +63,43 @@ impl Receivers {
         all
     }
 
-    fn none(axis: Vec3) -> Receivers {
+    fn none() -> Receivers {
+        let (low, high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         Receivers {
             patches: Vec::new(),
             elements: Vec::new(),
-            rows: Vec::new(),
-            places: Vec::new(),
             points: FarReceivers::default(),
             width: 0.0,
-            low: Vec3::INFINITY,
-            high: Vec3::NEG_INFINITY,
-            axis,
+            low,
+            high,
+            axis: Vec3::ZERO,
             cosine: 1.0,
         }
     }
 
-    fn push(&mut self, mesh: &Mesh, patch: &Patch, first: u32, block: &[u32], sharing: Sharing) {
-        let first_row = self.places.len() as u32;
-        let mut with_rows = Vec::new();
-        for &k in block {
-            self.elements.push(first + k);
+    fn push(&mut self, mesh: &Mesh, patch: &Patch, first: u32, block: Vec<u32>) {
+        for (&k, name) in block.iter().zip(self.elements.len() as u32..) {
+            if let Some(point) = patch.sample_point(k, mesh.valid[(patch.first_element + k) as usize]) {
+                self.points.push(point, patch.normal, patch.plane, name);
+            }
+            self.width = self.width.max(patch.element_area(k).sqrt() as f32);
             let (corners, count) = patch.frame.tile(patch.element_tile(k)).corners();
             for corner in &corners[..count] {
                 (self.low, self.high) = (self.low.min(corner.as_vec3()), self.high.max(corner.as_vec3()));
             }
-            let Some(point) = patch.sample_point(k, mesh.valid[(patch.first_element + k) as usize]) else {
-                self.rows.push(None);
-                continue;
-            };
-            let width = patch.element_area(k).sqrt();
-            if width < sharing.below {
-                self.width = self.width.max(2.0 * sharing.reach as f32);
-                let near = |&(place, normal): &(DVec3, DVec3)| {
-                    (point - place).length_squared() <= sharing.reach * sharing.reach
-                        && normal.dot(patch.normal) >= ALIKE
-                };
-                if let Some(row) = self.places.iter().position(near) {
-                    self.rows.push(Some(row as u32));
-                    continue;
-                }
-            }
-            self.width = self.width.max(width as f32);
-            let row = self.places.len() as u32;
-            self.rows.push(Some(row));
-            self.places.push((point, patch.normal));
-            self.points.push(point, patch.normal, patch.plane, row);
-            with_rows.push(k);
         }
-        if !with_rows.is_empty() {
-            self.patches.push((*patch, with_rows, first_row));
+        if self.patches.is_empty() {
+            self.axis = patch.normal.as_vec3();
         }
+        let name = self.elements.len() as u32;
+        self.elements.extend(block.iter().map(|k| first + k));
+        self.patches.push((*patch, block, name));
     }
 
     fn close(&mut self) {
-        let sum: DVec3 = self.places.iter().map(|place| place.1).sum();
-        self.axis = sum.try_normalize().map_or(self.axis, |sum| sum.as_vec3());
-        self.cosine = self.places.iter().map(|place| place.1.as_vec3().dot(self.axis)).fold(1.0, f32::min);
+        let sum: DVec3 = self.patches.iter().map(|(patch, ..)| patch.normal).sum();
+        self.axis = sum.try_normalize().unwrap_or(DVec3::Z).as_vec3();
+        self.cosine = self.patches.iter().map(|(patch, ..)| patch.normal.as_vec3().dot(self.axis)).fold(1.0, f32::min);
     }
 
     /// Collects the sample points that face the shooter, with the cells above their horizon.

@@ -64,7 +64,7 @@ impl Cut<'_> {
             receivers,
             inquiry,
             allowed: self.allowed * own,
-            links: Links::new(receivers, first),
+            links: Links::new(receivers.elements.iter().map(|e| first + e)),
             tally: Tally::default(),
             work: Work::default(),
             far: FarWork::default(),

@@ -1,31 +1,28 @@
 //! Links: what receivers see of nodes of the shooter tree, as form factors.
 
-use crate::shooting::{Receivers, TreeLight};
+use crate::shooting::TreeLight;
 
 /// The links of some receivers.
 #[derive(Debug, Default)]
 pub struct Links {
-    /// Elements of the mesh with their rows.
-    elements: Vec<(u32, Option<u32>)>,
-    /// Number of rows.
-    rows: usize,
+    /// Elements of the mesh, in the order of their factors.
+    elements: Vec<u32>,
     /// Nodes, and whether the value at the sample points differs from the area average: then it follows.
     nodes: Vec<(u32, bool)>,
-    /// For each link: a factor for every row, then, if they differ, what is to be added at the sample point.
+    /// For each link: a factor for every receiver, then, if they differ, what is to be added at the sample point.
     factors: Vec<f32>,
 }
 
 impl Links {
-    /// None yet, of receivers whose elements are numbered from `first`.
-    pub fn new(receivers: &Receivers, first: u32) -> Links {
-        let elements = receivers.elements.iter().map(|e| first + e).zip(receivers.rows.iter().copied()).collect();
-        Links { elements, rows: receivers.points.names.len(), ..Links::default() }
+    /// None yet.
+    pub fn new(elements: impl Iterator<Item = u32>) -> Links {
+        Links { elements: elements.collect(), ..Links::default() }
     }
 
-    /// Adds a link to a node, given rows with area average and value at the sample point; unless nothing is
+    /// Adds a link to a node, given names of receivers with area average and value at the sample point; unless nothing is
     /// seen.
     pub fn push(&mut self, node: u32, received: impl Iterator<Item = (u32, [f64; 3], [f64; 3])>) {
-        let (start, count) = (self.factors.len(), self.rows);
+        let (start, count) = (self.factors.len(), self.elements.len());
         self.factors.resize(start + 2 * count, 0.0);
         let (mut seen, mut differs) = (false, false);
         for (name, mean, point) in received {
@@ -45,10 +42,10 @@ impl Links {
         }
     }
 
-    /// Adds a link to a far node, given rows and what they receive.
+    /// Adds a link to a far node, given names of receivers and what they receive.
     pub fn push_far(&mut self, node: u32, names: &[u32], received: &[f32]) {
         let start = self.factors.len();
-        self.factors.resize(start + self.rows, 0.0);
+        self.factors.resize(start + self.elements.len(), 0.0);
         for (&name, &received) in names.iter().zip(received) {
             self.factors[start + name as usize] = received;
         }
@@ -57,7 +54,7 @@ impl Links {
 
     /// What each receiver gets: element, area average, and what is to be added at the sample point.
     pub fn gather(&self, light: &TreeLight) -> Vec<(u32, [f32; 3], [f32; 3])> {
-        let count = self.rows;
+        let count = self.elements.len();
         let mut sums = vec![[[0.0f32; 3]; 2]; count];
         let mut rest = self.factors.as_slice();
         for &(node, differs) in &self.nodes {
@@ -70,7 +67,6 @@ impl Links {
                 }
             }
         }
-        let seen = self.elements.iter().filter_map(|&(element, row)| Some((element, sums[row? as usize])));
-        seen.map(|(element, [mean, more])| (element, mean, more)).collect()
+        self.elements.iter().zip(sums).map(|(&element, [mean, more])| (element, mean, more)).collect()
     }
 }

@@ -15,7 +15,7 @@ use super::plain::Audits;
 use super::{Observer, Progress, Ring, State, StopReason, World};
 use crate::mesh::Inquiry;
 use crate::quantity::Rgb;
-use crate::shooting::{self, ClusterLight, Field, Receivers, Sharing, Shoot, ShooterTree, TreeLight};
+use crate::shooting::{self, ClusterLight, Field, Receivers, Shoot, ShooterTree, TreeLight};
 use crate::transport::{Communicator, Failure};
 use cut::Cut;
 use links::Links;
@@ -132,7 +132,6 @@ impl Solving<'_, '_, '_> {
         let sees = |receivers: &Receivers, first: u32| {
             round == 0 || receivers.elements.iter().any(|e| received[(first + e) as usize] != [0.0; 3])
         };
-        let sharing = if round == 0 { Sharing::coarse(mesh) } else { Sharing::fine(mesh) };
         let own = self.world.share.own.as_slice();
         let mut links: Vec<(usize, Links)> = Vec::new();
         let mut progress = Progress::default();
@@ -146,7 +145,7 @@ impl Solving<'_, '_, '_> {
             let all = clusters.flat_map(|place| {
                 let cluster = &mesh.clusters[own[place] as usize];
                 let first = cluster.elements.start;
-                Receivers::of(mesh, cluster, sharing).into_iter().map(move |receivers| (place, first, receivers))
+                Receivers::of(mesh, cluster).into_iter().map(move |receivers| (place, first, receivers))
             });
             let wanted = all.filter(|(_, first, receivers)| sees(receivers, *first)).enumerate();
             let task = |(number, (_, first, receivers)): (usize, (usize, u32, Receivers)), inquiry: Inquiry<'r>| {
