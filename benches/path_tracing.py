@@ -17,7 +17,7 @@ import numpy as np
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 COMMAND = os.environ.get("RINGLIGHT", os.path.join(HERE, "..", "target", "release", "ringlight"))
-SETTINGS = ["scene", "patch", "element", "cells", "until"]
+SETTINGS = ["scene", "patch", "element", "cells", "until", "error"]
 COLUMNS = ["series"] + SETTINGS + ["patches", "elements", "shots", "threads", "cpu", "wall", "rmse_raw", "rmse", "bias",
                                    "reference_error", "inside", "points", "worst"]
 
@@ -39,7 +39,12 @@ TIME = {
     "cornell": [(100, 0.033, 4, 0.03), (100, 0.033, 16, 0.01), (100, 0.033, 64, 0.001), (0.05, 0.0055, 64, 0.0003)],
     "office": [(100, OFFICE, 4, 0.03), (100, OFFICE, 16, 0.01), (1, OFFICE, 4, 0.003), (OFFICE, OFFICE, 16, 0.0007)],
 }
-SERIES = ["time", *VARIED]
+# Group shooting (`--solver group`): patch and element size, and the error asked for.
+GROUP = {
+    "cornell": [(0.1, 0.033, 0.02), (0.1, 0.011, 0.02), (0.1, 0.011, 0.005), (0.1, 0.0055, 0.005)],
+    "office": [(OFFICE, OFFICE, 0.05), (OFFICE, OFFICE, 0.02), (OFFICE, OFFICE, 0.01)],
+}
+SERIES = ["time", *VARIED, "group"]
 
 
 def runs(names, only):
@@ -54,9 +59,11 @@ def runs(names, only):
                     settings = list(BASE[scene])
                     settings[SETTINGS.index(name) - 1] = value
                     series.setdefault((scene, *settings), []).append(name)
+            for patch, element, error in GROUP[scene]:
+                series.setdefault((scene, patch, element, "", "", error), []).append("group")
     for settings, of in series.items():
         if set(of) & set(names):
-            yield " ".join(of), dict(zip(SETTINGS, settings))
+            yield " ".join(of), dict(zip(SETTINGS, (*settings, "")))
 
 
 def timed(command, limit):
@@ -119,7 +126,11 @@ def run(harness, data, settings, arguments):
         report = os.path.join(folder, "report.json")
         command = [COMMAND, "bake", os.path.join(data, f"{scene}.obj"), "--unit", "m", "-o", solution, "--quiet", "--report", report]
         command += ["--patch-size", str(settings["patch"]), "--element-size", str(settings["element"])]
-        command += ["--cells", str(settings["cells"]), "--until", str(settings["until"]), "--threads", str(arguments.threads)]
+        command += ["--threads", str(arguments.threads)]
+        if settings["error"]:
+            command += ["--solver", "group", "--error", str(settings["error"])]
+        else:
+            command += ["--solver", "plain", "--cells", str(settings["cells"]), "--until", str(settings["until"])]
         cpu, wall = timed(command, arguments.most_seconds)
         with open(report) as file:
             told = json.load(file)
@@ -154,14 +165,18 @@ def main():
     parser.add_argument("-o", "--output")
     arguments = parser.parse_args()
     harness = load(arguments.harness)
-    path = arguments.output or os.path.join(HERE, "results", f"{datetime.date.today()}-path-tracing.csv")
-    done = set()
+    name = "group" if arguments.set == ["group"] else "path-tracing"
+    path = arguments.output or os.path.join(HERE, "results", f"{datetime.date.today()}-{name}.csv")
+    done, columns = set(), COLUMNS
     if os.path.exists(path):
         with open(path, newline="") as file:
-            done = {tuple(row[k] for k in SETTINGS) for row in csv.DictReader(file)}
+            reader = csv.DictReader(file)
+            done = {tuple(row.get(k, "") for k in SETTINGS) for row in reader}
+            # Files from before there was group shooting have no column for its error.
+            columns = reader.fieldnames
     fresh = not os.path.exists(path)
     with open(path, "a", newline="") as file:
-        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        table = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
         if fresh:
             table.writeheader()
         for series, settings in runs(arguments.set, arguments.only):

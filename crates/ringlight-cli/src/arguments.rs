@@ -272,12 +272,12 @@ pub struct SizeArguments {
 /// How light is solved.
 #[derive(Debug, Args)]
 pub struct MethodArguments {
-    /// Method: plain progressive refinement, or group shooting, which finds all light at once
-    #[arg(long, value_enum, default_value = "plain")]
-    pub solver: SolverChoice,
-    /// Error that group shooting may make, relative to each place's own light
-    #[arg(long, value_name = "SHARE", default_value = "0.01", value_parser = values::tolerance)]
-    pub error: f64,
+    /// Method: plain progressive refinement, the default, or group shooting, which finds all light at once
+    #[arg(long, value_enum)]
+    pub solver: Option<SolverChoice>,
+    /// Error that group shooting may make, relative to each place's own light: 0.01 by default
+    #[arg(long, value_name = "SHARE", value_parser = values::tolerance)]
+    pub error: Option<f64>,
     /// Cells of a shooter: 4 for draft, 16 for normal, 64 for high quality by default
     #[arg(long, value_name = "1|4|16|64", value_parser = values::cells)]
     pub cells: Option<u32>,

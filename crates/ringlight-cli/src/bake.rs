@@ -26,7 +26,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     launch::on_first_rank(run.ranks, || outputs::check(&arguments.targets, &others))?;
     let frugal = arguments.spread.memory_per_rank.is_some();
     let host = Host::find(run.ranks, arguments.sizes.scratch.as_deref(), frugal)?;
-    let settings = settings(&arguments.method, arguments.sizes.quality);
+    let settings = settings(&arguments.method, arguments.sizes.quality)?;
     let made = if host.leads() { Some(make(&mut run, arguments, host.store(), settings.sky)?) } else { None };
     let Made { mut mesh, description, images } = run.share(&host, made)?;
     run.choose_rings(&host, &mesh, &settings)?;
@@ -75,21 +75,25 @@ fn make(run: &mut Run<'_, '_>, arguments: &Bake, store: Store<'_>, sky: Option<R
 }
 
 /// The settings that decide the result.
-pub fn settings(method: &MethodArguments, quality: QualityChoice) -> SolveSettings {
+pub fn settings(method: &MethodArguments, quality: QualityChoice) -> Result<SolveSettings, Failure> {
     let shoot = match method.shoot {
         ShootChoice::Elements => Shoot::Elements,
         ShootChoice::Average => Shoot::Average,
     };
-    SolveSettings {
-        solver: match method.solver {
-            SolverChoice::Plain => Solver::Plain,
-            SolverChoice::Group => Solver::Group(method.error),
-        },
+    let solver = match (method.solver, method.error) {
+        (Some(SolverChoice::Plain), Some(_)) => {
+            return Err(Failure::Usage("--error is for --solver group; the plain solver stops by --until".into()));
+        }
+        (Some(SolverChoice::Plain) | None, None) => Solver::Plain,
+        (Some(SolverChoice::Group) | None, error) => Solver::Group(error.unwrap_or(0.01)),
+    };
+    Ok(SolveSettings {
+        solver,
         cells: method.cells.unwrap_or(input::default_cells(quality)),
         shoot,
         sky: method.sky,
         shooters_in_flight: method.shooters_in_flight,
-    }
+    })
 }
 
 /// What meshing changed or left out, as warnings.

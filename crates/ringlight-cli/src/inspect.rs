@@ -87,7 +87,7 @@ pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let (scene, _) = input::scene(path, arguments.sizes.unit, store)?;
     let options = input::mesh_options(&arguments.sizes);
     let mesh = mesh::build(&scene, &options, store).map_err(|error| input::locate(error, path))?;
-    let settings = bake::settings(&arguments.method, arguments.sizes.quality);
+    let settings = bake::settings(&arguments.method, arguments.sizes.quality)?;
     let has_light = input::has_light(&scene, &mesh, settings.sky);
     let scene = Description::new(scene);
     let mut inspection = Inspection::new(path, &scene, &mesh, &settings);

@@ -37,7 +37,9 @@ fn values_that_make_no_sense_are_usage_errors_and_nothing_is_written() {
         "-o a.ringlight --size 10",
         "-o a.ringlight --camera 1,2,3;4",
         "-o a.ringlight --camera desk",
-        "-o a.ringlight --solver group",
+        "-o a.ringlight --solver best",
+        "-o a.ringlight --solver plain --error 0.01",
+        "-o a.ringlight --error 0",
         "-o a.ringlight --quiet --verbose",
         "-o a.ringlight -o a.ringlight",
         "-o a.ringlight --report a.ringlight",
@@ -69,6 +71,8 @@ fn every_flag_of_bake_works_or_is_refused_by_its_name() {
         "--quality draft --checkpoint c.ringlight@5 --report r.json --progress plain --exposure 3 -v",
         "--quality draft --camera 1,1,1.8;1,1,0;80 --exposure auto --tone none --progress none",
         "--quality draft --tone filmic --false-colour lux --progress json --quiet",
+        "--solver group --sky 1",
+        "--error 0.1 --threads 2 --ranks 3 --rings 2",
         "--quality draft --view --view-every 3",
         "--quality draft --view=localhost:0",
         "--quality draft --view=0 --ranks 2",
@@ -76,8 +80,8 @@ fn every_flag_of_bake_works_or_is_refused_by_its_name() {
         bake(flags).code(0);
     }
     for (flags, named) in [
-        ("--solver group", "--solver"),
-        ("--error 0.01", "--error"),
+        ("--solver best", "--solver"),
+        ("--solver plain --error 0.01", "--error"),
         ("--view=:80", "--view"),
         ("--view=a:b", "--view"),
     ] {
