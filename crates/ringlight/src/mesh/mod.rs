@@ -36,7 +36,7 @@ use crate::column::Column;
 use crate::scene::Warnings;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
-use ringlight_visibility::Layout;
+use ringlight_visibility::{Hit, Layout, Ray};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -352,6 +352,15 @@ impl Mesh {
             return Err("a patch refers to a facet that is not there".into());
         }
         Ok(())
+    }
+
+    /// The element that a ray hits; none if it hits an unlit back.
+    pub fn element_at(&self, ray: &Ray, hit: Hit) -> Option<u32> {
+        let facet = &self.facets[(hit.triangle >> 1) as usize];
+        let first = if hit.front { facet.first_element } else { facet.first_back_element };
+        let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
+        let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
+        (first != NONE).then(|| first + facet.find_element(at.clamp(DVec2::ZERO, DVec2::ONE)).0)
     }
 
     /// The cluster that holds patch `id`.

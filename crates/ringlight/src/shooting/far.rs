@@ -28,8 +28,8 @@ pub struct FarReceivers {
 pub struct FarCells {
     /// As visibility sees them.
     pub shooter: Shooter,
-    /// Positions, metres; normals; intensities.
-    columns: [[f32; CELLS]; 7],
+    /// Positions, metres; normals; intensities; squares of their radii as discs that may be near, m².
+    columns: [[f32; CELLS]; 8],
     count: usize,
 }
 
@@ -55,12 +55,12 @@ impl FarReceivers {
 impl FarCells {
     /// None yet, of a shooter in this plane.
     pub fn new(cells: Cells, plane: u32) -> FarCells {
-        FarCells { shooter: Shooter { cells, plane, far: FAR }, columns: [[0.0; CELLS]; 7], count: 0 }
+        FarCells { shooter: Shooter { cells, plane, far: FAR }, columns: [[0.0; CELLS]; 8], count: 0 }
     }
 
-    /// Adds a cell.
-    pub fn push(&mut self, point: Vec3, normal: Vec3, intensity: f32) {
-        let values = [point.x, point.y, point.z, normal.x, normal.y, normal.z, intensity];
+    /// Adds a cell, a disc of this area, m², if it may be near: it is a point else.
+    pub fn push(&mut self, point: Vec3, normal: Vec3, intensity: f32, area: f32) {
+        let values = [point.x, point.y, point.z, normal.x, normal.y, normal.z, intensity, area / PI];
         for (column, value) in self.columns.iter_mut().zip(values) {
             column[self.count] = value;
         }
@@ -146,14 +146,14 @@ impl FarWork {
             let [nx, ny, nz] = [0, 1, 2].map(|i| lanes(&normal[i]));
             let mut bits = [0u64; LANES];
             for k in 0..cells.count {
-                let [cx, cy, cz, mx, my, mz, intensity] = cells.columns.each_ref().map(|column| column[k]);
+                let [cx, cy, cz, mx, my, mz, intensity, disc] = cells.columns.each_ref().map(|column| column[k]);
                 let factors = &mut self.factors[chunk * cells.count + k];
                 for l in 0..LANES {
                     let (dx, dy, dz) = (cx - x[l], cy - y[l], cz - z[l]);
                     let r2 = dx * dx + dy * dy + dz * dz;
                     let arriving = (dx * nx[l] + dy * ny[l] + dz * nz[l]).max(0.0);
                     let leaving = (-(dx * mx + dy * my + dz * mz)).max(0.0);
-                    let factor = intensity * arriving * leaving / (r2 * r2).max(f32::MIN_POSITIVE);
+                    let factor = intensity * arriving * leaving / (r2 * (r2 + disc)).max(f32::MIN_POSITIVE);
                     factors[l] = factor;
                     bits[l] |= u64::from(factor > 0.0) << k;
                 }

@@ -1,5 +1,6 @@
 //! Neighbouring elements that look at the shooter tree together.
 
+use super::faces::Faces;
 use super::far::FarReceivers;
 use super::receive::{Work, may_face};
 use super::shot::Shot;
@@ -39,12 +40,15 @@ pub struct Receivers {
 }
 
 impl Receivers {
-    /// Those of a cluster. Elements are numbered within it.
-    pub fn of(mesh: &Mesh, cluster: &Cluster) -> Vec<Receivers> {
+    /// Those of a cluster that have light of their own. Elements are numbered within it.
+    pub fn of(mesh: &Mesh, faces: &Faces, cluster: &Cluster) -> Vec<Receivers> {
         let mut all: Vec<Receivers> = Vec::new();
         let mut open = false;
         for id in cluster.patches.clone() {
             let patch = mesh.patch(id);
+            if !faces.is_own(patch.first_element) {
+                continue;
+            }
             let first = patch.first_element - cluster.elements.start;
             for block in blocks(&patch) {
                 let normal = patch.normal.as_vec3();
@@ -100,6 +104,11 @@ impl Receivers {
         let sum: DVec3 = self.patches.iter().map(|(patch, ..)| patch.normal).sum();
         self.axis = sum.try_normalize().unwrap_or(DVec3::Z).as_vec3();
         self.cosine = self.patches.iter().map(|(patch, ..)| patch.normal.as_vec3().dot(self.axis)).fold(1.0, f32::min);
+    }
+
+    /// Patches, the numbers of their elements that belong here, and what the first is called; names are consecutive.
+    pub fn patches(&self) -> &[(Patch, Vec<u32>, u32)] {
+        &self.patches
     }
 
     /// Collects the sample points that face the shooter, with the cells above their horizon.

@@ -1,9 +1,10 @@
-//! The tree of all that shoots: nodes are groups of facets' sides, below them pieces of one side, at last its elements.
+//! The tree of all that emits: nodes are groups of facets' sides, below them pieces of one side, at last its elements.
 //!
 //! A piece is planar and shoots from a regular grid of cells; a group shoots from cells on some of its members. Which
 //! members lie together is decided by the scene alone: halves along the longest extent of (position, normal).
 
-use crate::mesh::{Facet, Frame, Mesh, Patch, Tile};
+use super::faces::is_face_cluster;
+use crate::mesh::{Facet, Frame, Mesh, NONE, Patch, Tile};
 use glam::{DVec2, Vec3};
 use ringlight_visibility::Layout;
 use std::ops::Range;
@@ -32,6 +33,8 @@ pub struct Node {
 pub enum Kind {
     /// Sides of several facets.
     Group,
+    /// Sides of small facets that face alike, lit as one; whatever is near, it is not opened.
+    Faces,
     /// A part of one facet's side.
     Piece(Piece),
 }
@@ -69,15 +72,17 @@ struct Item {
 const TURN: f32 = 0.7;
 
 impl ShooterTree {
-    /// Over all elements that have a free part.
+    /// Over all sides that emit.
     pub fn new(mesh: &Mesh) -> ShooterTree {
         let mut items = Vec::new();
         for (number, facet) in (0..).zip(&mesh.facets) {
             let frame = facet.frame();
             let middle = frame.at(Frame::middle(frame.layout)).as_vec3();
             let normal = frame.area_vector().normalize().as_vec3();
-            items.push(Item { side: (number, false), place: [middle, normal] });
-            if facet.double_sided() {
+            if emits(mesh, facet, false) {
+                items.push(Item { side: (number, false), place: [middle, normal] });
+            }
+            if facet.double_sided() && emits(mesh, facet, true) {
                 items.push(Item { side: (number, true), place: [middle, -normal] });
             }
         }
@@ -115,6 +120,15 @@ impl ShooterTree {
         self.group(mesh, first, left);
         self.group(mesh, first + 1, right);
         self.join(number, first as u32..first as u32 + 2, Kind::Group);
+        let Node { low, high, cosine, .. } = self.nodes[number];
+        let small = |node: &Node| match node.kind {
+            Kind::Group => false,
+            Kind::Faces => true,
+            Kind::Piece(piece) => piece.element.is_some(),
+        };
+        if self.nodes[first..first + 2].iter().all(small) && is_face_cluster(mesh, low, high, cosine) {
+            self.nodes[number].kind = Kind::Faces;
+        }
     }
 
     /// Makes node `number` of a piece.
@@ -170,6 +184,16 @@ impl ShooterTree {
         let axis = sum.try_normalize().unwrap_or(Vec3::Z);
         let cosine = nodes.iter().map(|node| widest(axis, node)).fold(1.0, f32::min);
         self.nodes[number] = Node { low, high, axis, cosine, area, kind, children };
+    }
+}
+
+/// Whether some element of a facet's side emits.
+fn emits(mesh: &Mesh, facet: &Facet, back: bool) -> bool {
+    let first = if back { facet.first_back_patch } else { facet.first_patch };
+    let patches = (first..first + facet.patch_count()).map(|id| mesh.patch(id));
+    match facet.colour {
+        NONE => mesh.surface_colours[facet.surface as usize].emits(),
+        _ => patches.into_iter().any(|patch| patch.elements().any(|e| mesh.colour(&patch, e).emits())),
     }
 }
 

@@ -49,17 +49,6 @@ impl TreeLight {
         light
     }
 
-    /// Renews the radiosities.
-    pub fn renew(&mut self, tree: &ShooterTree, elements: &[Radiosity]) {
-        for (i, node) in tree.nodes.iter().enumerate().rev() {
-            if let Kind::Piece(Piece { element: Some(element), .. }) = node.kind {
-                self.radiosity[i] = elements[element as usize];
-            } else {
-                self.radiosity[i] = average(tree, node, &self.radiosity);
-            }
-        }
-    }
-
     fn join(&mut self, tree: &ShooterTree, i: usize, node: &Node) {
         self.radiosity[i] = average(tree, node, &self.radiosity);
         let (mut total, mut centre) = (0.0, Vec3::ZERO);
@@ -81,7 +70,7 @@ impl TreeLight {
     pub fn shot(&self, mesh: &Mesh, tree: &ShooterTree, elements: &[Radiosity], node: u32, side: u32) -> Shot {
         match tree.nodes[node as usize].kind {
             Kind::Piece(piece) => piece_shot(mesh, &tree.nodes[node as usize], &piece, elements, side),
-            Kind::Group => {
+            Kind::Group | Kind::Faces => {
                 let members = self.members(mesh, tree, node, (side * side) as usize);
                 let points = members.iter().map(|m| m.0.to_array()).collect();
                 let shooter = Shooter { cells: Cells::Points(points), plane: NO_PLANE, far: FAR };
@@ -103,15 +92,17 @@ impl TreeLight {
                 let mut cells = FarCells::new(Cells::Grid(grid), patch.plane);
                 for (k, (weight, density)) in weights.iter().zip(density).enumerate() {
                     let intensity = intensity(area * density, *weight as f32);
-                    cells.push(grid.point(k).into(), of.axis, intensity);
+                    cells.push(grid.point(k).into(), of.axis, intensity, 0.0);
                 }
                 cells
             }
-            Kind::Group => {
+            Kind::Group | Kind::Faces => {
                 let members = self.members(mesh, tree, node, (side * side) as usize);
                 let points = members.iter().map(|m| m.0.to_array()).collect();
                 let mut cells = FarCells::new(Cells::Points(points), NO_PLANE);
-                members.iter().for_each(|&(point, normal, intensity)| cells.push(point, normal, intensity));
+                // Of a group that is never too near to be opened, cells are points; of faces they are discs.
+                let disc = if of.kind == Kind::Faces { of.area / members.len() as f32 } else { 0.0 };
+                members.iter().for_each(|&(point, normal, intensity)| cells.push(point, normal, intensity, disc));
                 cells
             }
         }

@@ -1,7 +1,7 @@
-//! The cut that receivers take through the shooter tree: a node is opened while its light may be wrong by more than their
-//! share of the error.
+//! The cut that receivers take through the tree of all that emits: a node is opened while its light may be wrong by more than
+//! their share of the error.
 
-use super::links::Links;
+use super::passes::Arrived;
 use crate::mesh::{Inquiry, Mesh};
 use crate::shooting::{
     FarCells, FarWork, Kind, Node, Radiosity, Receivers, Share, ShooterTree, TreeLight, Work, direction, distance,
@@ -23,8 +23,8 @@ const SHAPE: f32 = 0.5;
 /// second-order error is below 1 %.
 const FAR: f32 = 4.0;
 
-/// Cells along a side: of what only tells whether something is seen, and of links, in turn, until the edge of a shadow is found
-/// well enough. A link has other cells than what decided about it, because what decides cannot also tell without bias.
+/// Cells along a side: of what only tells whether something is seen, and of what shines, in turn, until the edge of a shadow is found
+/// well enough. What shines has other cells than what decided about it, because what decides cannot also tell without bias.
 const PROBE: u32 = 2;
 const SIDES: [u32; 3] = [2, 4, 8];
 
@@ -33,13 +33,13 @@ const SIDES: [u32; 3] = [2, 4, 8];
 pub struct Cut<'a> {
     /// The scene.
     pub mesh: &'a Mesh,
-    /// All that shoots.
+    /// All that emits.
     pub tree: &'a ShooterTree,
-    /// Its light.
+    /// What it emits.
     pub light: &'a TreeLight,
-    /// The light of its elements.
+    /// What elements emit.
     pub elements: &'a [Radiosity],
-    /// Error that a link may have, as a share of the receivers' own light.
+    /// Error that one node may make, as a share of the receivers' own light.
     pub allowed: f32,
 }
 
@@ -48,23 +48,30 @@ struct Cutting<'a> {
     cut: &'a Cut<'a>,
     receivers: &'a Receivers,
     inquiry: &'a Inquiry<'a>,
-    /// Error that a link may have, W/m² or lux.
+    /// Error that one node may make, W/m² or lux.
     allowed: f32,
-    links: Links,
+    /// What the receivers get so far, in the order of their names.
+    arrived: Vec<Arrived>,
     tally: Tally,
     work: Work,
     far: FarWork,
 }
 
 impl Cut<'_> {
-    /// The links of some receivers, whose elements are numbered from `first`; their light is `own` at least.
-    pub async fn links(&self, receivers: &Receivers, first: u32, own: f32, inquiry: &Inquiry<'_>) -> (Links, Tally) {
+    /// What some receivers get, whose elements are numbered from `first`; their light is `own` at least.
+    pub async fn light(
+        &self,
+        receivers: &Receivers,
+        first: u32,
+        own: f32,
+        inquiry: &Inquiry<'_>,
+    ) -> (Vec<Arrived>, Tally) {
         let mut cutting = Cutting {
             cut: self,
             receivers,
             inquiry,
             allowed: self.allowed * own,
-            links: Links::new(receivers.elements.iter().map(|e| first + e)),
+            arrived: receivers.elements.iter().map(|e| Arrived::none(first + e)).collect(),
             tally: Tally::default(),
             work: Work::default(),
             far: FarWork::default(),
@@ -73,14 +80,13 @@ impl Cut<'_> {
         while let Some(number) = stack.pop() {
             let Some(estimate) = self.estimate(receivers, number) else { continue };
             let node = &self.tree.nodes[number as usize];
-            if !node.children.is_empty() && (is_near(receivers, node) || cutting.is_open(number, node, estimate).await)
-            {
+            if is_opened(node) && (is_near(receivers, node) || cutting.is_open(number, node, estimate).await) {
                 stack.extend(node.children.clone().rev());
             } else {
-                cutting.link(number, node, estimate.min(self.light.peak[number as usize])).await;
+                cutting.shine(number, node, estimate.min(self.light.peak[number as usize])).await;
             }
         }
-        (cutting.links, cutting.tally)
+        (cutting.arrived, cutting.tally)
     }
 
     /// How much light may come from a node: what all of it would give from its nearest point (P·G), but no more than its
@@ -137,29 +143,33 @@ impl Cutting<'_> {
         Some(self.far.gather(&cells))
     }
 
-    /// Links the receivers to a node: with few cells first, with more where the edge of a shadow may err by more than is
+    /// Adds the light of a node: with few cells first, with more where the edge of a shadow may err by more than is
     /// allowed: 0.27 M^(-3/4) of the light is the error of M cells (root of the mean square).
-    async fn link(&mut self, number: u32, node: &Node, estimate: f32) {
+    async fn shine(&mut self, number: u32, node: &Node, estimate: f32) {
         // Cells that have been looked at do not count again.
-        for side in SIDES.into_iter().filter(|&side| side > PROBE || node.children.is_empty()) {
+        let light = self.cut.light;
+        for side in SIDES.into_iter().filter(|&side| side > PROBE || !is_opened(node)) {
             let cells = (side * side) as f32;
             let is_last = side == 8 || 0.27 * estimate <= self.allowed * cells.sqrt() * cells.sqrt().sqrt();
-            if self.is_far(node, side) {
+            if node.kind == Kind::Faces || self.is_far(node, side) {
                 let Some(share) = self.look(number, side).await else { return };
-                if is_last || share.is_certain() {
+                if is_last || share.is_certain() && self.is_far(node, side) {
                     if share.seen > 0.0 {
-                        self.links.push_far(number, &self.receivers.points.names, &self.far.received);
+                        let radiosity = light.radiosity[number as usize];
+                        for (&name, &received) in self.receivers.points.names.iter().zip(&self.far.received) {
+                            self.arrived[name as usize].add(radiosity, received, 0.0);
+                        }
                     }
                     return;
                 }
-            } else if self.link_near(number, side, is_last).await {
+            } else if self.shine_near(number, side, is_last).await {
                 return;
             }
         }
     }
 
-    /// Links the receivers to a near node by its contour, unless more cells are needed.
-    async fn link_near(&mut self, number: u32, side: u32, is_last: bool) -> bool {
+    /// Adds the light of a near node by its contour, unless more cells are needed.
+    async fn shine_near(&mut self, number: u32, side: u32, is_last: bool) -> bool {
         let Cut { mesh, tree, light, elements, .. } = self.cut;
         let shot = light.shot(mesh, tree, elements, number, side);
         self.receivers.collect(mesh, &shot, &mut self.work);
@@ -173,7 +183,10 @@ impl Cutting<'_> {
         let seen = asked(masks).rays;
         if is_last || seen == 0 || seen == open.rays {
             packet.gather(&shot);
-            self.links.push(number, self.work.received());
+            let radiosity = light.radiosity[number as usize];
+            for (name, mean, point) in self.work.received() {
+                self.arrived[name as usize].add(radiosity, mean[0] as f32, (point[0] - mean[0]) as f32);
+            }
             return true;
         }
         false
@@ -189,6 +202,11 @@ impl Cutting<'_> {
 /// Distance of a node, metres.
 fn between(receivers: &Receivers, node: &Node) -> f32 {
     distance((receivers.low, receivers.high), (node.low, node.high))
+}
+
+/// Whether a node may be opened.
+fn is_opened(node: &Node) -> bool {
+    !node.children.is_empty() && node.kind != Kind::Faces
 }
 
 /// Whether a group fills so much of some receiver's view that a few of its members cannot stand for it, however dark it is.

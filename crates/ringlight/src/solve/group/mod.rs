@@ -1,33 +1,37 @@
-//! Group shooting: every receiver takes its own cut through the tree of all that shoots, and light goes back and forth over
-//! these links until it has settled.
+//! Group shooting: all that shines on an element is found at once, what emits by masks and what reflects by rays.
 //!
-//! With x the light that elements receive, E that of lamps without surface, and F the form factors of the links, x = E + F(Bₑ +
-//! ρx). Rays are needed for F alone, so each pair is looked at once for all bounces. Which pairs there are depends on x: a
-//! first round with loose links finds it roughly, the next with the accuracy asked for. DESIGN (issue 7) has sweeps of
-//! unshot light instead; they need a cut for every bounce.
+//! With x the light that elements receive, E that of lamps without surface, and F the form factors, x = E + F(Bₑ + ρx). Light of
+//! surfaces that emit comes from few places and casts sharp shadows: for F Bₑ each group of receivers takes its own cut through
+//! the tree of what emits, with masks of many cells. Light that is reflected comes from everywhere, and so little of it from
+//! any one place that pairs of surfaces are not worth looking at: each element's row of F ρ is found by a few hundred rays over
+//! its hemisphere, whose cost depends neither on the number of surfaces nor on their size. Rows are found once, and light goes
+//! back and forth over them until it has settled: no bounce needs rays of its own, and none is left out.
+//!
+//! A first round with fewer rays and larger errors tells how much light elements have, which errors are relative to. DESIGN
+//! (issue 7) has sweeps of unshot light over one tree for all; measured, rows came to the same error in a tenth of the time.
 
 mod cut;
-mod links;
 mod passes;
+mod rows;
 
 use super::choice::Summary;
 use super::plain::Audits;
 use super::{Observer, Progress, Ring, State, StopReason, World};
 use crate::mesh::Inquiry;
 use crate::quantity::Rgb;
-use crate::shooting::{self, ClusterLight, Field, Receivers, Shoot, ShooterTree, TreeLight};
+use crate::shooting::{self, ClusterLight, Faces, Field, Receivers, Shoot, ShooterTree, TreeLight};
 use crate::transport::{Communicator, Failure};
 use cut::Cut;
-use links::Links;
-use passes::Exchange;
+use passes::{Arrived, Exchange};
 use rayon::prelude::*;
 use ringlight_visibility::Tally;
+use rows::{Around, Rows};
 use std::sync::Arc;
 
 /// How much looser than asked the rounds cut.
-const ROUNDS: [f32; 2] = [8.0, 1.0];
+const ROUNDS: [f32; 2] = [4.0, 1.0];
 
-/// Error that one link may have, as a share of that which all together may have: hundreds of them err both ways.
+/// Error that the light of one node may have, as a share of that which all together may have: many of them err both ways.
 const OF_ONE: f32 = 0.1;
 
 /// Receivers whose own light is less than this share of the median are treated as if they had that.
@@ -47,6 +51,7 @@ struct Solving<'w, 'a, 'o> {
     world: &'w World<'a>,
     exchange: Exchange<'w>,
     tree: Arc<ShooterTree>,
+    faces: Arc<Faces>,
     /// What own clusters receive of lamps without surface.
     direct: Vec<ClusterLight>,
     tally: Tally,
@@ -68,7 +73,8 @@ pub fn group(
     let exchange = Exchange::new(mesh, &world.share);
     let mut received = exchange.all(ranks, if state.rounds > 0 { &state.clusters } else { &direct })?;
     let tree = Arc::new(ShooterTree::new(mesh));
-    let mut solving = Solving { world, exchange, tree, direct, tally: Tally::default(), observer };
+    let faces = Arc::new(Faces::new(mesh));
+    let mut solving = Solving { world, exchange, tree, faces, direct, tally: Tally::default(), observer };
     for round in state.rounds as usize..ROUNDS.len() {
         if let (Some(reason), progress) = solving.round(ring, state, (round, error as f32), &mut received, ranks)? {
             return Ok((reason, progress));
@@ -106,7 +112,7 @@ fn shoot_emitters(
 }
 
 impl Solving<'_, '_, '_> {
-    /// One round: links, then light over them until it settles. `received` is what all elements receive.
+    /// One round: lamps and rows, then light over the rows until it settles. `received` is what all elements receive.
     fn round<'r>(
         &mut self,
         ring: &mut Ring<'r>,
@@ -115,17 +121,18 @@ impl Solving<'_, '_, '_> {
         received: &mut Vec<Rgb>,
         ranks: &mut Communicator<'_>,
     ) -> Result<(Option<StopReason>, Progress), Failure> {
-        let (mesh, tree) = (self.world.mesh, self.tree.clone());
+        let (mesh, tree, faces) = (self.world.mesh, self.tree.clone(), self.faces.clone());
+        let error = ROUNDS[round] * error;
         let floor = passes::floor(mesh, received);
-        // What is not known yet is guessed, so that there are links for it.
+        // While nothing is known of light that is reflected, all may have some.
         let guess = if round == 0 { floor.guess } else { 0.0 };
-        let guessed: Vec<Rgb> = received.iter().map(|e| e.map(|e| e + guess)).collect();
-        let elements = passes::radiosities(mesh, &guessed);
-        let mut light = TreeLight::new(&tree, &elements);
-        let cut =
-            Cut { mesh, tree: &tree, light: &light, elements: &elements, allowed: ROUNDS[round] * error * OF_ONE };
+        let emission = passes::radiosities(mesh, &vec![[0.0; 3]; received.len()]);
+        let light = TreeLight::new(&tree, &emission);
+        let cut = Cut { mesh, tree: &tree, light: &light, elements: &emission, allowed: error * OF_ONE };
+        let known = if round == 0 { Vec::new() } else { passes::reflected(&passes::returned(mesh), received) };
+        let around = Around { mesh, faces: &faces, reflected: &known, error };
         let least = |receivers: &Receivers, first: u32| {
-            let own = receivers.elements.iter().map(|e| shooting::strength(guessed[(first + e) as usize]));
+            let own = receivers.elements.iter().map(|e| shooting::strength(received[(first + e) as usize]) + guess);
             own.fold(f32::INFINITY, f32::min).max(floor.least)
         };
         // Who saw nothing of anything in the first round is inside of something.
@@ -133,7 +140,7 @@ impl Solving<'_, '_, '_> {
             round == 0 || receivers.elements.iter().any(|e| received[(first + e) as usize] != [0.0; 3])
         };
         let own = self.world.share.own.as_slice();
-        let mut links: Vec<(usize, Links)> = Vec::new();
+        let mut found: Vec<(usize, Vec<Arrived>, Rows)> = Vec::new();
         let mut progress = Progress::default();
         for part in 0..PARTS {
             let stop;
@@ -145,27 +152,29 @@ impl Solving<'_, '_, '_> {
             let all = clusters.flat_map(|place| {
                 let cluster = &mesh.clusters[own[place] as usize];
                 let first = cluster.elements.start;
-                Receivers::of(mesh, cluster).into_iter().map(move |receivers| (place, first, receivers))
+                Receivers::of(mesh, &faces, cluster).into_iter().map(move |receivers| (first, receivers))
             });
-            let wanted = all.filter(|(_, first, receivers)| sees(receivers, *first)).enumerate();
-            let task = |(number, (_, first, receivers)): (usize, (usize, u32, Receivers)), inquiry: Inquiry<'r>| {
-                let (cut, least) = (&cut, &least);
+            let wanted = all.filter(|(first, receivers)| sees(receivers, *first)).enumerate();
+            let task = |(number, (first, receivers)): (usize, (u32, Receivers)), inquiry: Inquiry<'r>| {
+                let (cut, around, least) = (&cut, &around, &least);
                 async move {
-                    let (links, tally) = cut.links(&receivers, first, least(&receivers, first), &inquiry).await;
-                    (number, links, tally)
+                    let own = least(&receivers, first);
+                    let (lamps, rays) = cut.light(&receivers, first, own, &inquiry).await;
+                    let (rows, more) = around.rows(&receivers, first, own, &inquiry).await;
+                    (number, lamps, rows, rays.join(more))
                 }
             };
-            let before = links.len();
+            let before = found.len();
             let tally = &mut self.tally;
-            ring.ask(ranks, wanted, task, |(number, found, asked)| {
+            ring.ask(ranks, wanted, task, |(number, lamps, rows, asked)| {
                 *tally = tally.join(asked);
-                links.push((before + number, found));
+                found.push((before + number, lamps, rows));
             })?;
         }
-        links.sort_unstable_by_key(|(number, _)| *number);
-        let links: Vec<Links> = links.into_iter().map(|(_, links)| links).collect();
-        let clusters = passes::settle(&self.exchange, &tree, &links, &self.direct, &mut light, received, ranks)?;
-        state.clusters = clusters;
+        found.sort_unstable_by_key(|(number, ..)| *number);
+        let (lamps, rows): (Vec<_>, Vec<Rows>) = found.into_iter().map(|(_, lamps, rows)| (lamps, rows)).unzip();
+        let lamps: Vec<Arrived> = lamps.into_iter().flatten().collect();
+        state.clusters = passes::settle(&self.exchange, &faces, (&lamps, &rows), &self.direct, received, ranks)?;
         state.rounds += 1;
         if state.rounds as usize == ROUNDS.len() {
             self.audit(ring, state, received, ranks)?;

@@ -1,10 +1,10 @@
-//! Light goes back and forth over the links until it has settled.
+//! Light goes back and forth over the rows until it has settled.
 
 use super::FLOOR;
-use super::links::Links;
+use super::rows::Rows;
 use crate::mesh::{Cluster, Mesh, Patch};
 use crate::quantity::Rgb;
-use crate::shooting::{self, ClusterLight, ElementLight, PatchLight, Radiosity, ShooterTree, TreeLight};
+use crate::shooting::{self, Between, ClusterLight, ElementLight, Faces, PatchLight, Radiosity};
 use crate::solve::Share;
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
@@ -30,6 +30,30 @@ pub struct Floor {
     pub guess: f32,
     /// The least light that errors are relative to.
     pub least: f32,
+}
+
+/// What an element gets from something, W/m² or lux.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrived {
+    /// The element.
+    pub element: u32,
+    /// On average over its area.
+    pub mean: Rgb,
+    /// What is to be added at its sample point.
+    pub more: Rgb,
+}
+
+impl Arrived {
+    /// Nothing.
+    pub fn none(element: u32) -> Arrived {
+        Arrived { element, mean: [0.0; 3], more: [0.0; 3] }
+    }
+
+    /// Adds what comes from this radiosity by a factor for the area average, and what is to be added to it at the sample point.
+    pub fn add(&mut self, radiosity: Radiosity, mean: f32, more: f32) {
+        (0..3).for_each(|c| self.mean[c] += mean * radiosity[c]);
+        (0..3).for_each(|c| self.more[c] += more * radiosity[c]);
+    }
 }
 
 impl<'a> Exchange<'a> {
@@ -88,38 +112,58 @@ pub fn floor(mesh: &Mesh, received: &[Rgb]) -> Floor {
     Floor { guess, least: FLOOR * *lit.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }
 
-/// Passes light over the links of own receivers until that of no element changes: `received` is what all elements receive,
-/// before and after. Gives the light of own clusters, all of it shot. Every rank calls it.
+/// What each element returns of the light that it receives: reflectance × coverage.
+pub fn returned(mesh: &Mesh) -> Vec<Rgb> {
+    let of_cluster = |cluster: &Cluster| {
+        let patches = cluster.patches.clone().map(|id| mesh.patch(id));
+        let all = patches.flat_map(|patch| patch.elements().map(move |e| mesh.colour(&patch, e).returned()));
+        all.collect::<Vec<_>>()
+    };
+    mesh.clusters.par_iter().flat_map_iter(of_cluster).collect()
+}
+
+/// What elements reflect of what they receive: W/m² or lm/m².
+pub fn reflected(returned: &[Rgb], received: &[Rgb]) -> Vec<Radiosity> {
+    let of = |(returned, received): (&Rgb, &Rgb)| [0, 1, 2].map(|c| returned[c] * received[c].max(0.0));
+    returned.par_iter().zip(received).map(of).collect()
+}
+
+/// Passes light over the rows of own elements until that of no element changes; `lamps` is what comes from surfaces that emit,
+/// `direct` from lamps without surface, and `received` what all elements receive, before and after. Elements of face clusters get
+/// what their representatives get, and in the end what lies between. Gives the light of own clusters, all of it shot. Every rank
+/// calls it.
 pub fn settle(
     exchange: &Exchange<'_>,
-    tree: &ShooterTree,
-    links: &[Links],
+    faces: &Faces,
+    (lamps, rows): (&[Arrived], &[Rows]),
     direct: &[ClusterLight],
-    light: &mut TreeLight,
     received: &mut Vec<Rgb>,
     ranks: &mut Communicator<'_>,
 ) -> Result<Vec<ClusterLight>, Failure> {
     let Exchange { mesh, share } = *exchange;
-    let mut clusters = Vec::new();
+    let returned = returned(mesh);
+    let add = |shone: &mut [ClusterLight], Arrived { element, mean, more }: Arrived| {
+        let place = share.own.partition_point(|&c| mesh.clusters[c as usize].elements.end <= element);
+        let first = mesh.clusters[share.own[place] as usize].elements.start;
+        let light = &mut shone[place].elements[(element - first) as usize];
+        (0..3).for_each(|c| light.shot[c] += mean[c]);
+        (0..3).for_each(|c| light.correction[c] += more[c]);
+    };
+    let mut lit = dark(direct);
+    lamps.iter().for_each(|&arrived| add(&mut lit, arrived));
+    let mut shone = Vec::new();
     for _ in 0..PASSES {
-        clusters = direct.to_vec();
-        for cluster in &mut clusters {
-            cluster.patches.fill(PatchLight::default());
-            cluster.elements.iter_mut().for_each(|e| (e.shot, e.unshot) = (e.mean(), [0.0; 3]));
-        }
-        let found: Vec<Vec<(u32, Rgb, Rgb)>> = links.par_iter().map(|links| links.gather(light)).collect();
-        let mut place = 0;
-        for (element, mean, more) in found.into_iter().flatten() {
-            // Links are in the order of own clusters.
-            while !mesh.clusters[share.own[place] as usize].elements.contains(&element) {
-                place += 1;
+        shone = lit.clone();
+        let reflected = reflected(&returned, received);
+        let found: Vec<Vec<Arrived>> = rows.par_iter().map(|rows| rows.gather(&reflected).collect()).collect();
+        found.into_iter().flatten().for_each(|arrived| add(&mut shone, arrived));
+        for (&cluster, light) in share.own.iter().zip(&mut shone) {
+            let first = mesh.clusters[cluster as usize].elements.start;
+            for k in 0..light.elements.len() {
+                light.elements[k] = light.elements[(faces.representative(first + k as u32) - first) as usize];
             }
-            let first = mesh.clusters[share.own[place] as usize].elements.start;
-            let own = &mut clusters[place].elements[(element - first) as usize];
-            (0..3).for_each(|c| own.shot[c] += mean[c]);
-            (0..3).for_each(|c| own.correction[c] += more[c]);
         }
-        let next = exchange.all(ranks, &clusters)?;
+        let next = exchange.all(ranks, &join(direct, &shone))?;
         let usual = next.iter().map(|&e| f64::from(shooting::strength(e))).sum::<f64>() / next.len().max(1) as f64;
         let change = received.iter().zip(&next).map(|(&a, &b)| {
             let (a, b) = (shooting::strength(a), shooting::strength(b));
@@ -127,10 +171,46 @@ pub fn settle(
         });
         let settled = change.fold(0.0, f32::max) <= SETTLED;
         *received = next;
-        light.renew(tree, &radiosities(mesh, received));
         if settled {
             break;
         }
     }
-    Ok(clusters)
+    if let Some(between) = Between::new(mesh, faces) {
+        let of_all = exchange.all(ranks, &shone)?;
+        let own: Vec<_> = share.own.iter().zip(&mut shone).collect();
+        own.into_par_iter().for_each(|(&cluster, light)| {
+            let Cluster { patches, elements, .. } = &mesh.clusters[cluster as usize];
+            for patch in patches.clone().map(|id| mesh.patch(id)) {
+                let element = patch.first_element;
+                if !faces.is_own(element) {
+                    light.elements[(element - elements.start) as usize].shot = between.light(&patch, &of_all);
+                }
+            }
+        });
+        *received = exchange.all(ranks, &join(direct, &shone))?;
+    }
+    Ok(join(direct, &shone))
+}
+
+/// Clusters like these that receive nothing.
+fn dark(clusters: &[ClusterLight]) -> Vec<ClusterLight> {
+    let dark = |cluster: &ClusterLight| ClusterLight {
+        elements: vec![ElementLight::default(); cluster.elements.len()],
+        patches: vec![PatchLight::default(); cluster.patches.len()],
+    };
+    clusters.par_iter().map(dark).collect()
+}
+
+/// What comes from lamps without surface, and all else, together: all of it shot.
+fn join(direct: &[ClusterLight], shone: &[ClusterLight]) -> Vec<ClusterLight> {
+    let both = |(direct, shone): (&ClusterLight, &ClusterLight)| {
+        let mut joined = shone.clone();
+        for (light, direct) in joined.elements.iter_mut().zip(&direct.elements) {
+            let mean = direct.mean();
+            (0..3).for_each(|c| light.shot[c] += mean[c]);
+            (0..3).for_each(|c| light.correction[c] += direct.correction[c]);
+        }
+        joined
+    };
+    direct.par_iter().zip(shone).map(both).collect()
 }

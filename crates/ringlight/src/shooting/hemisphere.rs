@@ -1,0 +1,100 @@
+//! What a point of a surface sees around it: rays over its hemisphere, each of which stands for as much of what arrives.
+
+use super::emitter::sine_cosine;
+use crate::mesh::walk::{Query, Rule, Walk};
+use crate::mesh::{Mesh, OPAQUE_COVERAGE, RELATIVE_TOLERANCE};
+use glam::DVec3;
+use ringlight_visibility::{Hit, NO_PLANE, Ray};
+
+/// Surfaces behind each other after which a ray is given up.
+const MOST_SURFACES: u32 = 64;
+
+/// One ray on its way through see-through surfaces.
+#[derive(Clone, Debug)]
+pub struct Glance<'a> {
+    mesh: &'a Mesh,
+    ray: Ray,
+    surfaces: u32,
+    /// Share of the light behind what it has met that comes through.
+    passing: f32,
+    /// Lit elements that it met, and their shares of what it sees.
+    pub seen: Vec<(u32, f32)>,
+}
+
+/// Direction `number` of `count` about a unit normal: points of a disc along a spiral that turns by the golden ratio (Vogel
+/// 1979), lifted to the hemisphere (Malley), so that each stands for as much irradiance. No line holds more than a few of them:
+/// no edge of a surface, however it lies, is crossed by many at once.
+fn direction(normal: DVec3, number: u32, count: u32) -> DVec3 {
+    const GOLDEN: f64 = 0.618_033_988_749_894_9;
+    let share = (f64::from(number) + 0.5) / f64::from(count);
+    let (sine, cosine) = sine_cosine((f64::from(number) * GOLDEN).fract());
+    let (t, u) = normal.any_orthonormal_pair();
+    share.sqrt() * (cosine * t + sine * u) + (1.0 - share).sqrt() * normal
+}
+
+impl<'a> Glance<'a> {
+    /// Number `number` of `count` from a point of a plane whose lit side has this normal.
+    pub fn new(mesh: &'a Mesh, point: DVec3, (normal, plane): (DVec3, u32), (number, count): (u32, u32)) -> Glance<'a> {
+        // Just above the surface, lest rounding lets a flat ray pass under a neighbour's edge.
+        let origin = point + RELATIVE_TOLERANCE * mesh.diagonal * normal;
+        let ray = Ray {
+            origin: origin.as_vec3().to_array(),
+            direction: direction(normal, number, count).as_vec3().to_array(),
+            near: 0.0,
+            far: f32::INFINITY,
+            plane,
+        };
+        Glance { mesh, ray, surfaces: 0, passing: 1.0, seen: Vec::new() }
+    }
+}
+
+impl Walk for Glance<'_> {
+    fn query(&self) -> Option<Query> {
+        let goes_on = self.passing >= 1e-3 && self.surfaces < MOST_SURFACES;
+        goes_on.then_some(Query { ray: self.ray, rule: Rule::All })
+    }
+
+    fn answer(&mut self, hit: Option<Hit>) {
+        let Some(hit) = hit else {
+            self.passing = 0.0;
+            return;
+        };
+        let mesh = self.mesh;
+        let number = hit.triangle >> 1;
+        let facet = &mesh.facets[number as usize];
+        // A cut-out blocks wholly where it is hit.
+        let cutout = mesh.occluder.cutout[facet.surface as usize].is_some();
+        let coverage = if cutout { 1.0 } else { mesh.occluder.coverage(number, facet) };
+        let blocked = if coverage >= OPAQUE_COVERAGE { 1.0 } else { coverage };
+        if let Some(element) = mesh.element_at(&self.ray, hit) {
+            // What an element returns is less by its coverage already; only what covers is hit of a cut-out.
+            let share = if cutout { coverage.max(1e-3) } else { 1.0 };
+            self.seen.push((element, self.passing / share));
+        }
+        self.passing *= 1.0 - blocked;
+        self.surfaces += 1;
+        self.ray.near = hit.distance.next_up();
+        self.ray.plane = NO_PLANE;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_stand_for_equal_shares_of_irradiance() {
+        let normal = DVec3::new(0.6, 0.0, -0.8);
+        let count = 500;
+        let all: Vec<DVec3> = (0..count).map(|i| direction(normal, i, count)).collect();
+        assert!(all.iter().all(|d| (d.length() - 1.0).abs() < 1e-12 && d.dot(normal) > 0.0));
+        // Within any cone about the normal there are as many as its projected area says, and their sum is along it.
+        for share in [0.1, 0.5, 0.9] {
+            let within = all.iter().filter(|d| 1.0 - d.dot(normal).powi(2) < share).count();
+            assert!((within as f64 - share * f64::from(count)).abs() <= 1.0);
+        }
+        let (t, u) = normal.any_orthonormal_pair();
+        let sum: DVec3 = all.iter().sum();
+        assert!(sum.dot(t).abs() < 2.0 && sum.dot(u).abs() < 2.0, "{sum}");
+    }
+}
