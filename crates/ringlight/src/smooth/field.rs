@@ -1,5 +1,6 @@
 //! The elements' light in the order of their lattices, and what it amounts to at a vertex.
 
+use super::around;
 use super::lattice::Lattice;
 use super::pieces;
 use super::places::{Places, Touch};
@@ -8,6 +9,7 @@ use crate::quantity::Rgb;
 use crate::solution::Solution;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Cosine of the crease angle, 30°: surfaces that meet at less count as one smooth surface.
 const CREASE: f64 = 0.866_025_403_784_438_6;
@@ -18,10 +20,12 @@ const CHAIN_LIMIT: usize = 64;
 /// Light that is still to be found.
 pub const UNKNOWN: Rgb = [f32::NAN; 3];
 
-/// Light of all elements, side by side in the order of facets (front, then back) and their lattices.
+/// Light of elements, side by side in the order of facets (front, then back) and their lattices: of those facets that decide
+/// the light at the vertices of some.
 pub struct Field<'a> {
     mesh: &'a Mesh,
     places: Places<'a>,
+    /// Where the cells of each facet begin; the next facet's begin there too if they are not held.
     first_cell: Vec<u32>,
     cells: Vec<Rgb>,
     tolerance: f64,
@@ -110,26 +114,40 @@ pub fn locate(mesh: &Mesh, element: u32) -> (Side, u32) {
 }
 
 impl<'a> Field<'a> {
-    /// The light at the sample points.
-    pub fn new(solution: &'a Solution) -> Field<'a> {
+    /// The light at the sample points, as far as it decides that at the vertices of these facets.
+    pub fn new(solution: &'a Solution, facets: Range<u32>) -> Field<'a> {
         let mesh = &solution.mesh;
-        let mut first_cell = Vec::with_capacity(mesh.facets.len());
+        let tolerance = RELATIVE_TOLERANCE * mesh.diagonal;
+        let places = Places::new(mesh);
+        let held = around::deciding(solution, &places, facets, tolerance);
+        let mut first_cell = Vec::with_capacity(mesh.facets.len() + 1);
         let mut next = 0u32;
-        for facet in &mesh.facets {
+        for (facet, held) in mesh.facets.iter().zip(&held) {
             first_cell.push(next);
-            next += facet.element_count() * if facet.double_sided() { 2 } else { 1 };
+            let sides = if facet.double_sided() { 2 } else { 1 };
+            next += if *held { facet.element_count() * sides } else { 0 };
         }
+        first_cell.push(next);
         let light = |side: Side, cell: u32| known(solution, element_of(mesh, side, cell)).unwrap_or(UNKNOWN);
         let mut cells = vec![UNKNOWN; next as usize];
-        pieces(mesh.facets.len(), |f| first_cell[f] as usize, &mut cells).into_par_iter().for_each(|(facets, held)| {
-            let all = facets.flat_map(|f| {
+        pieces(mesh.facets.len(), |f| first_cell[f] as usize, &mut cells).into_par_iter().for_each(|(facets, light_of)| {
+            let all = facets.filter(|&f| held[f as usize]).flat_map(|f| {
                 let count = mesh.facets[f as usize].element_count();
                 sides(mesh, f).flat_map(move |side| (0..count).map(move |cell| (side, cell)))
             });
-            held.iter_mut().zip(all).for_each(|(held, (side, cell))| *held = light(side, cell));
+            light_of.iter_mut().zip(all).for_each(|(cell_light, (side, cell))| *cell_light = light(side, cell));
         });
-        let tolerance = RELATIVE_TOLERANCE * mesh.diagonal;
-        Field { mesh, places: Places::new(mesh), first_cell, cells, tolerance }
+        Field { mesh, places, first_cell, cells, tolerance }
+    }
+
+    /// Whether the light of a facet is held.
+    pub fn holds(&self, facet: u32) -> bool {
+        self.first_cell[facet as usize] < self.first_cell[facet as usize + 1]
+    }
+
+    /// Memory that the light takes, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.cells.as_slice())
     }
 
     /// The mesh.

@@ -34,6 +34,7 @@ fn find_gaps(field: &Field<'_>) -> Vec<Gap> {
     let mesh = field.mesh();
     (0..mesh.facets.len() as u32)
         .into_par_iter()
+        .filter(|&f| field.holds(f))
         .map_init(Work::default, |work, f| {
             let count = mesh.facets[f as usize].element_count();
             let mut gaps = Vec::new();

@@ -15,6 +15,8 @@
 //! for numbers: light that keeps what the solver found at the sample point (`fan`), and does not pass what stands on the
 //! element itself (`standing`).
 
+mod around;
+mod divided;
 mod fan;
 mod field;
 mod fill;
@@ -35,32 +37,33 @@ use glam::DVec2;
 use lattice::Lattice;
 use rayon::prelude::*;
 use ringlight_visibility::Layout;
+pub use divided::Divided;
 pub use standing::SurfaceLight;
 use std::ops::Range;
 use std::sync::Arc;
 use walls::{Split, Walls};
 
-/// Irradiance at the corners of elements, interpolated over smooth surfaces but not across edges, creases or walls.
+/// Irradiance at the corners of the elements of some facets, interpolated over smooth surfaces but not across edges, creases
+/// or walls.
 pub struct Smooth<'a> {
     solution: &'a Solution,
-    /// For each facet, where the vertices of its front begin; those of the back follow.
+    /// The facets.
+    facets: Range<u32>,
+    /// For each of them, where the vertices of its front begin; those of the back follow.
     first_vertex: Vec<u64>,
-    /// Irradiance at the vertices of the facets' lattices, W/m² or lux.
+    /// Irradiance at the vertices of their lattices, W/m² or lux.
     vertices: Vec<Rgb>,
     /// Corners that walls cut off from their vertex, sorted by element.
     splits: Vec<Split>,
 }
 
-/// Tag of what ranks tell each other about corners.
-const SPLITS: u32 = 45;
-
 /// Facets that a thread takes at a time.
 const CHUNK: usize = 64;
 
 impl<'a> Smooth<'a> {
-    /// Of a solution, on a rank that is alone with it.
+    /// Of all of a solution, on a rank that is alone with it.
     pub fn new(solution: &'a Solution) -> Smooth<'a> {
-        let (smooth, field, suspects) = Smooth::without_walls(solution);
+        let (smooth, field, suspects) = Smooth::without_walls(solution, 0..solution.mesh.facets.len() as u32);
         if suspects.is_empty() {
             return smooth;
         }
@@ -69,33 +72,23 @@ impl<'a> Smooth<'a> {
         Smooth { splits: splits.expect("a rank that is alone hears of no failure"), ..smooth }
     }
 
-    /// The same on every rank, which look for walls together; all of them call it.
-    pub fn over_ranks(
-        solution: &'a Solution,
-        ring: &mut Ring<'a>,
-        ranks: &mut Communicator<'_>,
-    ) -> Result<Smooth<'a>, Failure> {
-        let (smooth, field, suspects) = Smooth::without_walls(solution);
-        Ok(Smooth { splits: find_splits(&field, suspects, ring, ranks)?, ..smooth })
-    }
-
-    /// As if nothing stood on surfaces, and where something may.
-    fn without_walls(solution: &'a Solution) -> (Smooth<'a>, Field<'a>, Vec<Suspect>) {
+    /// Of some facets, as if nothing stood on surfaces, and where something may.
+    fn without_walls(solution: &'a Solution, facets: Range<u32>) -> (Smooth<'a>, Field<'a>, Vec<Suspect>) {
         let mesh = &solution.mesh;
-        let mut field = Field::new(solution);
+        let mut field = Field::new(solution, facets.clone());
         fill::fill(&mut field);
-        let mut first_vertex = Vec::with_capacity(mesh.facets.len());
+        let mut first_vertex = Vec::with_capacity(facets.len());
         let mut next = 0;
-        for facet in &mesh.facets {
+        for f in facets.clone() {
             first_vertex.push(next);
-            next += vertex_count(facet) as u64;
+            next += vertex_count(&mesh.facets[f as usize]) as u64;
         }
         let mut vertices = vec![[0.0; 3]; next as usize];
-        let suspects: Vec<Suspect> = pieces(mesh.facets.len(), |f| first_vertex[f] as usize, &mut vertices)
+        let suspects: Vec<Suspect> = pieces(facets.len(), |f| first_vertex[f] as usize, &mut vertices)
             .into_par_iter()
-            .map_init(Work::default, |work, (facets, mut vertices)| {
+            .map_init(Work::default, |work, (piece, mut vertices)| {
                 let mut suspects = Vec::new();
-                for f in facets {
+                for f in piece.map(|f| facets.start + f) {
                     let own = vertex_count(&mesh.facets[f as usize]);
                     smooth_facet(&field, f, work, vertices.split_off_mut(..own).unwrap_or_default(), &mut suspects);
                 }
@@ -103,7 +96,7 @@ impl<'a> Smooth<'a> {
             })
             .flatten_iter()
             .collect();
-        (Smooth { solution, first_vertex, vertices, splits: Vec::new() }, field, suspects)
+        (Smooth { solution, facets, first_vertex, vertices, splits: Vec::new() }, field, suspects)
     }
 
     /// Irradiance at the corners of an element, in the order of [`crate::mesh::Frame::corner_parameters`] of its facet's
@@ -116,7 +109,7 @@ impl<'a> Smooth<'a> {
     fn cell_corners(&self, element: u32, side: Side, cell: u32) -> [Rgb; 4] {
         let lattice = Lattice::of(&self.solution.mesh.facets[side.facet as usize]);
         let back = if side.back { lattice.vertex_count() } else { 0 };
-        let first = self.first_vertex[side.facet as usize] as usize + back;
+        let first = self.first_vertex[(side.facet - self.facets.start) as usize] as usize + back;
         let mut corners = lattice.corners(cell).map(|v| self.vertices[first + lattice.vertex_index(v)]);
         for split in self.splits(element) {
             corners[split.corner as usize] = split.light;
@@ -131,9 +124,14 @@ impl<'a> Smooth<'a> {
     pub fn at(&self, element: u32, within: DVec2) -> Rgb {
         let (side, cell) = field::locate(&self.solution.mesh, element);
         let corners = self.cell_corners(element, side, cell);
-        let layout = self.solution.mesh.facets[side.facet as usize].layout();
-        let weights = Frame::corner_weights(layout, within).map(|w| w as f32);
-        std::array::from_fn(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
+        between(&corners, self.solution.mesh.facets[side.facet as usize].layout(), within)
+    }
+
+    /// Memory that it takes, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.first_vertex.as_slice())
+            + size_of_val(self.vertices.as_slice())
+            + size_of_val(self.splits.as_slice())
     }
 
     /// Whether a wall cuts a corner of an element off from the vertex it shares.
@@ -146,6 +144,12 @@ impl<'a> Smooth<'a> {
         let count = self.splits[start..].iter().take_while(|s| s.element == element).count();
         &self.splits[start..start + count]
     }
+}
+
+/// Irradiance at parameters `within` of an element that has these `corners`, see [`Smooth::corners`].
+pub fn between(corners: &[Rgb; 4], layout: Layout, within: DVec2) -> Rgb {
+    let weights = Frame::corner_weights(layout, within).map(|w| w as f32);
+    std::array::from_fn(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
 }
 
 /// A vertex at which a wall may stand.
@@ -218,12 +222,8 @@ fn find_splits<'a>(
             splits
         }
     };
-    let mut own: Vec<Split> = Vec::new();
-    let (rank, size) = (ranks.rank(), ranks.size());
-    ring.ask(ranks, suspects.into_iter().skip(rank).step_by(size), find, |found| own.extend(found))?;
-    let all = ranks.all_gather(SPLITS, bytemuck::cast_slice(&own).to_vec())?;
-    let mut splits: Vec<Split> =
-        all.iter().flat_map(|bytes| bytemuck::pod_collect_to_vec::<u8, Split>(bytes)).collect();
+    let mut splits: Vec<Split> = Vec::new();
+    ring.ask(ranks, suspects.into_iter(), find, |found| splits.extend(found))?;
     splits.sort_unstable_by_key(|s: &Split| (s.element, s.corner));
     Ok(splits)
 }

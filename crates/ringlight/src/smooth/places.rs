@@ -53,25 +53,34 @@ impl<'a> Places<'a> {
 
     /// Calls `each` for the facets whose boxes, grown by `distance` metres, hold `point`, in the order of facets.
     pub fn visit(&self, point: DVec3, distance: f64, each: &mut dyn FnMut(u32)) {
+        self.visit_around([point; 2], distance, each);
+    }
+
+    /// The same for a box: calls `each` for the facets whose grown boxes meet that of facet `facet`.
+    pub fn visit_neighbours(&self, facet: u32, distance: f64, each: &mut dyn FnMut(u32)) {
+        self.visit_around(bounds(&self.facets[facet as usize]).map(|corner| corner.as_dvec3()), distance, each);
+    }
+
+    fn visit_around(&self, place: [DVec3; 2], distance: f64, each: &mut dyn FnMut(u32)) {
         if let Some(top) = self.levels.len().checked_sub(1) {
-            self.descend(top, 0, point, distance, each);
+            self.descend(top, 0, place, distance, each);
         }
     }
 
-    fn descend(&self, level: usize, node: usize, point: DVec3, distance: f64, each: &mut dyn FnMut(u32)) {
-        if !contains(&self.levels[level][node], point, distance) {
+    fn descend(&self, level: usize, node: usize, place: [DVec3; 2], distance: f64, each: &mut dyn FnMut(u32)) {
+        if !meets(&self.levels[level][node], place, distance) {
             return;
         }
         let children = node * FAN..(node + 1) * FAN;
         if level > 0 {
             for child in children.start..children.end.min(self.levels[level - 1].len()) {
-                self.descend(level - 1, child, point, distance, each);
+                self.descend(level - 1, child, place, distance, each);
             }
             return;
         }
         for f in children.start..children.end.min(self.facets.len()) {
             let facet = &self.facets[f];
-            if contains(&bounds(facet), point, distance) {
+            if meets(&bounds(facet), place, distance) {
                 each(f as u32);
             }
         }
@@ -82,8 +91,9 @@ fn bounds(facet: &Facet) -> [Vec3; 2] {
     facet.corners.iter().fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |a, &c| [a[0].min(c), a[1].max(c)])
 }
 
-fn contains([low, high]: &[Vec3; 2], point: DVec3, tolerance: f64) -> bool {
-    (low.as_dvec3() - tolerance).cmple(point).all() && (high.as_dvec3() + tolerance).cmpge(point).all()
+/// Whether a box, grown by a tolerance, has a point in common with another one.
+fn meets([low, high]: &[Vec3; 2], [least, most]: [DVec3; 2], tolerance: f64) -> bool {
+    (low.as_dvec3() - tolerance).cmple(most).all() && (high.as_dvec3() + tolerance).cmpge(least).all()
 }
 
 /// Adds the cells of a facet that touch a point of its border.

@@ -5,7 +5,6 @@ use super::lattice::Lattice;
 use crate::mesh::walk::{Query, Rule};
 use crate::mesh::{self, Inquiry, Mesh, Patch, Tile};
 use crate::quantity::{Rgb, photometric};
-use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::Ray;
 
@@ -149,8 +148,7 @@ fn patch_of(mesh: &Mesh, side: Side, element: u32) -> Patch {
 }
 
 /// The light of a corner that differs from that of the vertex it shares.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
+#[derive(Clone, Copy, Debug)]
 pub struct Split {
     /// Element.
     pub element: u32,
