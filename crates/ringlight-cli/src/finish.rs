@@ -9,14 +9,13 @@ use crate::machine;
 use crate::outputs::{self, Content, Kind, Output, Written};
 use crate::progress::Stage;
 use crate::reading;
-use crate::run::{Baked, Made, Run, Settings};
+use crate::run::{self, Baked, Made, Run, Settings};
 use crate::spread;
 use anyhow::Context;
-use ringlight::output::report::{self, RankReport, Report, SceneReport, SolveReport, Units};
+use ringlight::output::report::{self, PictureReport, RankReport, Report, SceneReport, SolveReport, Units};
 use ringlight::solution::{self, Snapshot, Solution, SolvedLight};
 use ringlight::solve::{Ledger, Progress, StopReason};
 use ringlight_visibility::Hierarchy;
-use std::io::Write;
 use std::sync::Arc;
 
 impl Run<'_, '_> {
@@ -132,13 +131,19 @@ impl Run<'_, '_> {
             let pictures = outputs.iter().any(|output| output.kind.is_picture());
             let mut ring = pictures.then(|| run.ring(&content.solution.mesh, hierarchy));
             for output in outputs {
-                let picture = match &mut ring {
+                let drawn = match &mut ring {
                     Some(ring) if output.kind.is_picture() => content.picture(ring, run.ranks)?,
                     _ => Ok(None),
                 };
                 if !run.is_first() {
                     continue;
                 }
+                if let Ok(Some(drawn)) = &drawn {
+                    let report = PictureReport::new(&output.path.to_string_lossy(), drawn);
+                    outputs::loads(&report).iter().for_each(|line| run.detail(line));
+                    outcome.pictures.push(report);
+                }
+                let picture = drawn.map(|drawn| drawn.map(|drawn| drawn.picture));
                 match picture.and_then(|picture| outputs::write(output, content, picture.as_ref())) {
                     Ok(Written { clipped }) => {
                         outcome.clipped = outcome.clipped.max(clipped);
@@ -159,7 +164,7 @@ impl Run<'_, '_> {
         Ok(digest.filter(|_| self.arguments.report.is_some()).map(|solution_digest| Report {
             schema: report::SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
-            command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
+            command: run::command_line(),
             units: Units::of(description),
             warnings: Vec::new(),
             scene: SceneReport::new(description, mesh),
@@ -171,6 +176,7 @@ impl Run<'_, '_> {
             peak_memory_bytes: 0,
             solution_digest,
             ranks: Vec::new(),
+            pictures: Vec::new(),
             balance: std::mem::take(&mut self.balance),
         }))
     }
@@ -185,12 +191,10 @@ impl Run<'_, '_> {
             clipped: outcome.clipped,
             peak_memory_bytes: ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0),
             ranks,
+            pictures: std::mem::take(&mut outcome.pictures),
             ..report
         };
-        outcome.note(files::write(path, |out| {
-            serde_json::to_writer_pretty(&mut *out, &report)?;
-            out.write_all(b"\n")
-        }));
+        outcome.note(files::write_json(path, &report));
         Ok(())
     }
 
@@ -214,6 +218,7 @@ impl Run<'_, '_> {
 pub struct Outcome {
     errors: Vec<anyhow::Error>,
     clipped: f64,
+    pictures: Vec<PictureReport>,
 }
 
 impl Outcome {

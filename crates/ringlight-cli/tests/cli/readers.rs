@@ -1,6 +1,7 @@
 //! Verbs that read solutions or scenes, over many ranks: the same bytes.
 
 use crate::workshop::{READERS, Workshop};
+use predicates::prelude::*;
 use predicates::str::contains;
 
 #[test]
@@ -39,6 +40,40 @@ fn a_bake_over_ranks_draws_the_picture_of_one() {
 }
 
 #[test]
+fn pictures_do_not_depend_on_their_split_and_the_report_tells_what_each_rank_did() {
+    let workshop = Workshop::new();
+    workshop.prepare_readers();
+    workshop.ringlight("render part.ringlight --size 64x40 -o one.png -o one.exr").assert().code(0).stderr("");
+    for (ranks, rings) in [(1, 1), (2, 1), (2, 2), (3, 2), (8, 3)] {
+        for split in ["tiles", "scanlines"] {
+            let way = format!("--ranks {ranks} --rings {rings} --split {split}");
+            let render = "render part.ringlight --size 64x40 -o a.png -o a.exr --force --report a.json -v";
+            let told = contains(format!("a.exr: 64 x 40 pixels on {ranks} ranks by {split}")).and(contains("max/mean"));
+            workshop.ringlight(&format!("{render} {way}")).assert().code(0).stderr(told);
+            assert!(workshop.bytes("a.png") == workshop.bytes("one.png"), "{way}");
+            assert!(workshop.bytes("a.exr") == workshop.bytes("one.exr"), "{way}");
+            let report = workshop.json("a.json");
+            assert_eq!(report["schema"], "ringlight-render-report-1");
+            for (picture, path) in report["pictures"].as_array().unwrap().iter().zip(["a.png", "a.exr"]) {
+                assert_eq!([&picture["path"], &picture["split"]], [path, split]);
+                let loads = picture["ranks"].as_array().unwrap();
+                let all = |key: &str| loads.iter().map(|load| load[key].as_u64().unwrap()).collect::<Vec<_>>();
+                assert_eq!(all("pixels").len(), ranks);
+                assert_eq!(all("pixels").iter().sum::<u64>(), 64 * 40);
+                // Sixteen samples a pixel and a rough picture; nothing is see-through, and the room is closed.
+                assert_eq!(all("rays").iter().sum::<u64>(), 64 * 40 * 17);
+                assert!(all("searched").iter().all(|&count| count > 0), "{way}");
+                assert!(picture["max_over_mean"]["searched"].as_f64().unwrap() >= 1.0);
+            }
+        }
+    }
+    workshop.bake("-o b.png --size 16x9 --max-shots 2 --report b.json --split tiles --ranks 2").assert().code(0);
+    let report = workshop.json("b.json");
+    assert_eq!(report["pictures"][0]["split"], "tiles");
+    assert_eq!(report["pictures"][0]["ranks"].as_array().unwrap().len(), 2);
+}
+
+#[test]
 fn readers_errors_are_said_once() {
     let workshop = Workshop::new();
     workshop.prepare_readers();
@@ -52,6 +87,8 @@ fn readers_errors_are_said_once() {
         ("probe none.ringlight --points points.csv -o a.csv --ranks 3", 1, "none.ringlight"),
         ("render part.ringlight -o a.png --camera none --ranks 3", 2, "no camera"),
         ("export part.ringlight -o nowhere/a.csv --ranks 3", 1, "nowhere"),
+        ("render part.ringlight -o a.png --report nowhere/a.json --ranks 2", 1, "nowhere"),
+        ("render part.ringlight -o a.png --split rows --ranks 2", 2, "--split"),
         ("viewfactors bad.csv -o F.csv --ranks 3", 3, "bad.csv"),
     ] {
         let failed = workshop.ringlight(command).assert().code(code).stderr(contains(words));

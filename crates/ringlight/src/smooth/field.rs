@@ -130,13 +130,15 @@ impl<'a> Field<'a> {
         first_cell.push(next);
         let light = |side: Side, cell: u32| known(solution, element_of(mesh, side, cell)).unwrap_or(UNKNOWN);
         let mut cells = vec![UNKNOWN; next as usize];
-        pieces(mesh.facets.len(), |f| first_cell[f] as usize, &mut cells).into_par_iter().for_each(|(facets, light_of)| {
-            let all = facets.filter(|&f| held[f as usize]).flat_map(|f| {
-                let count = mesh.facets[f as usize].element_count();
-                sides(mesh, f).flat_map(move |side| (0..count).map(move |cell| (side, cell)))
-            });
-            light_of.iter_mut().zip(all).for_each(|(cell_light, (side, cell))| *cell_light = light(side, cell));
-        });
+        pieces(mesh.facets.len(), |f| first_cell[f] as usize, &mut cells).into_par_iter().for_each(
+            |(facets, light_of)| {
+                let all = facets.filter(|&f| held[f as usize]).flat_map(|f| {
+                    let count = mesh.facets[f as usize].element_count();
+                    sides(mesh, f).flat_map(move |side| (0..count).map(move |cell| (side, cell)))
+                });
+                light_of.iter_mut().zip(all).for_each(|(cell_light, (side, cell))| *cell_light = light(side, cell));
+            },
+        );
         Field { mesh, places, first_cell, cells, tolerance }
     }
 

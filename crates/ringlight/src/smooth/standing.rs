@@ -22,7 +22,11 @@ pub struct SurfaceLight<'a> {
 impl<'a> SurfaceLight<'a> {
     /// Of a solution.
     pub fn new(solution: &'a Solution) -> SurfaceLight<'a> {
-        SurfaceLight { solution, field: Field::new(solution, 0..solution.mesh.facets.len() as u32), walls: Walls::new(&solution.mesh) }
+        SurfaceLight {
+            solution,
+            field: Field::new(solution, 0..solution.mesh.facets.len() as u32),
+            walls: Walls::new(&solution.mesh),
+        }
     }
 
     /// Irradiance at parameters `within` of an element, W/m² or lux. None where no light is known: where other geometry

@@ -15,6 +15,7 @@ use crate::smooth::{Divided, between};
 use crate::solve::Ring;
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
+use std::cell::Cell;
 use std::ops::Range;
 
 /// Most samples of a rank in a round: some tens of megabytes of fragments.
@@ -92,13 +93,18 @@ impl<'a> Casting<'_, 'a> {
             wanted.dedup();
             cost.elements += wanted.len() as u64;
             let corners = self.light.corners(&wanted, ranks)?;
-            let light = |fragment: &Fragment| match wanted.binary_search(&(fragment.facet, fragment.element)) {
-                Ok(place) => between(&corners[place], self.painter.layout(fragment), fragment.within),
-                Err(_) => [0.0; 3],
-            };
             cost.rays += runs.iter().map(|run| run.rays).sum::<u64>();
             let finished = runs.par_iter().map(|run| {
-                let samples: Vec<Sample> = run.samples(|fragments, sky| self.painter.compose(fragments, sky, light));
+                // Most samples show the same element as the one before.
+                let place = Cell::new(0);
+                let light = |fragment: &Fragment| {
+                    let element = (fragment.facet, fragment.element);
+                    if wanted[place.get()] != element {
+                        place.set(wanted.binary_search(&element).expect("all elements that are met are asked for"));
+                    }
+                    between(&corners[place.get()], self.painter.layout(fragment), fragment.within)
+                };
+                let samples: Vec<Sample> = run.samples(|fragments, sky| self.painter.compose(fragments, sky, &light));
                 samples.chunks(self.places.len()).map(&finish).collect::<Vec<T>>()
             });
             pixels.extend(finished.collect::<Vec<_>>().into_iter().flatten());

@@ -108,6 +108,8 @@ const BATCH: usize = 1 << 16;
 pub struct Drawn {
     /// The picture.
     pub picture: Picture,
+    /// How it was divided.
+    pub split: Split,
     /// What each rank did for it.
     pub loads: Vec<PictureLoad>,
 }
@@ -161,7 +163,7 @@ pub fn render<'a>(
     if let Some(scale) = scale {
         legend::draw(&mut picture, &scale);
     }
-    Ok(Some(Drawn { picture, loads }))
+    Ok(Some(Drawn { picture, split, loads }))
 }
 
 /// Samples of a rough picture, row by row, on all ranks.
@@ -173,7 +175,8 @@ fn rough<'a>(
     let [width, height] = casting.size;
     let step = (f64::from(width.max(height)) / f64::from(ROUGH_SIDE)).max(1.0);
     let grid = casting.size.map(|n| (f64::from(n) / step).ceil() as u32);
-    let (own, cost) = Casting { step, grid, places: vec![[0.5; 2]], ..*casting }.cast(|s| s[0].to_words(), ring, ranks)?;
+    let (own, cost) =
+        Casting { step, grid, places: vec![[0.5; 2]], ..*casting }.cast(|s| s[0].to_words(), ring, ranks)?;
     let all = ranks.all_gather(SAMPLES, bytemuck::cast_slice(&own).to_vec())?;
     let mut samples = vec![Sample::default(); grid[0] as usize * grid[1] as usize];
     for (rank, bytes) in all.iter().enumerate() {

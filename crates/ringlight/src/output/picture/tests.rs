@@ -143,7 +143,7 @@ fn the_picture_is_the_same_on_one_rank_and_on_many_however_it_is_divided() {
                 let view = View::automatic(&solution, 1.5, ring, ranks)?;
                 render(&solution, &PictureOptions { split, ..options(view) }, ring, ranks)
             });
-            let Drawn { picture, loads } = drawn.unwrap();
+            let Drawn { picture, loads, .. } = drawn.unwrap();
             assert!(picture == one, "{split:?} {spread:?}");
             assert_eq!(loads.len(), spread.rings.ranks());
             assert_eq!(loads.iter().map(|load| load.pixels).sum::<u64>(), 24 * 16);
