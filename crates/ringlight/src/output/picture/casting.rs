@@ -104,7 +104,7 @@ impl<'a> Casting<'_, 'a> {
                     }
                     between(&corners[place.get()], self.painter.layout(fragment), fragment.within)
                 };
-                let samples: Vec<Sample> = run.samples(|fragments, sky| self.painter.compose(fragments, sky, &light));
+                let samples: Vec<Sample> = run.samples(|fragments, sky| self.painter.compose(fragments, sky, light));
                 samples.chunks(self.places.len()).map(&finish).collect::<Vec<T>>()
             });
             pixels.extend(finished.collect::<Vec<_>>().into_iter().flatten());
