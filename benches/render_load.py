@@ -29,7 +29,7 @@ def main(ringlight, solution, *cameras):
                     command = [ringlight, "render", solution, "-o", str(png), "--force", *chosen, *way]
                     subprocess.run(command, check=True)
                     pictures.add(png.read_bytes())
-                    picture = json.loads(report.read_text())["pictures"][0]
+                    picture = json.loads(report.read_text())["picture"]
                     for rank, load in enumerate(picture["ranks"]):
                         row = [pathlib.Path(solution).stem, camera, ranks, split, rank, *(load[f] for f in FIELDS)]
                         print(*row, sep=",")

@@ -118,10 +118,10 @@ pub struct Export {
     /// Threads of each rank; its share of the cores by default
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
-    /// Write a report as JSON: what each rank did for each picture
+    /// Write a report as JSON: what each rank did for the picture
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-    /// Say what each rank did for each picture
+    /// Say what each rank did for the picture
     #[arg(long, short)]
     pub verbose: bool,
     /// Say nothing but errors

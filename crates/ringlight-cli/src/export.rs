@@ -25,28 +25,20 @@ pub fn export(arguments: &Export, ranks: &mut Communicator<'_>) -> Result<End, F
         }
     }
     let content = Content { solution: &solution, display: &arguments.display };
-    let mut drawn = Vec::new();
-    let (pictures, others): (Vec<_>, Vec<_>) = arguments.targets.output.iter().partition(|o| o.kind.is_picture());
-    if !pictures.is_empty() {
-        let mut ring = reading::ring(ranks, &arguments.spread, &solution.mesh)?;
-        for output in pictures {
-            if let Some(picture) = content.picture(&mut ring, ranks)?? {
-                let report = PictureReport::new(&output.path.to_string_lossy(), &picture);
-                if arguments.verbose {
-                    outputs::loads(&report).iter().for_each(|line| eprintln!("{line}"));
-                }
-                outputs::write(output, &content, Some(&picture.picture))?;
-                drawn.push(report);
-            }
-        }
-    }
-    // All else the first rank writes, as it reads it.
-    for output in others.into_iter().filter(|_| first) {
-        outputs::write(output, &content, None)?;
+    let outputs = &arguments.targets.output;
+    let drawn = match outputs.iter().any(|output| output.kind.is_picture()) {
+        true => content.picture(&mut reading::ring(ranks, &arguments.spread, &solution.mesh)?, ranks)??,
+        false => None,
+    };
+    let picture = drawn.as_ref().map(PictureReport::new);
+    picture.iter().filter(|_| arguments.verbose).flat_map(outputs::loads).for_each(|line| eprintln!("{line}"));
+    // The first rank writes: pictures when all have drawn them, all else as it reads it.
+    for output in outputs.iter().filter(|_| first) {
+        outputs::write(output, &content, drawn.as_ref().map(|drawn| &drawn.picture))?;
     }
     if let Some(path) = arguments.report.as_deref().filter(|_| first) {
         let (version, command) = (env!("CARGO_PKG_VERSION"), run::command_line());
-        files::write_json(path, &RenderReport { schema: RENDER_SCHEMA, version, command, pictures: drawn })?;
+        files::write_json(path, &RenderReport { schema: RENDER_SCHEMA, version, command, picture })?;
     }
     Ok(End::Done)
 }

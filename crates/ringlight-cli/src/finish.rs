@@ -129,22 +129,22 @@ impl Run<'_, '_> {
     ) -> Result<(), Failure> {
         self.stage(Stage::Write, |run| {
             let pictures = outputs.iter().any(|output| output.kind.is_picture());
-            let mut ring = pictures.then(|| run.ring(&content.solution.mesh, hierarchy));
-            for output in outputs {
-                let drawn = match &mut ring {
-                    Some(ring) if output.kind.is_picture() => content.picture(ring, run.ranks)?,
-                    _ => Ok(None),
-                };
-                if !run.is_first() {
-                    continue;
-                }
-                if let Ok(Some(drawn)) = &drawn {
-                    let report = PictureReport::new(&output.path.to_string_lossy(), drawn);
-                    outputs::loads(&report).iter().for_each(|line| run.detail(line));
-                    outcome.pictures.push(report);
-                }
-                let picture = drawn.map(|drawn| drawn.map(|drawn| drawn.picture));
-                match picture.and_then(|picture| outputs::write(output, content, picture.as_ref())) {
+            let drawn = match pictures {
+                true => content.picture(&mut run.ring(&content.solution.mesh, hierarchy), run.ranks)?,
+                false => Ok(None),
+            };
+            if !run.is_first() {
+                return Ok(());
+            }
+            let drawn = drawn.unwrap_or_else(|error| {
+                outcome.note(Err(error));
+                None
+            });
+            outcome.picture = drawn.as_ref().map(PictureReport::new);
+            outcome.picture.iter().flat_map(outputs::loads).for_each(|line| run.detail(&line));
+            let can_write = |output: &&&Output| drawn.is_some() || !output.kind.is_picture();
+            for output in outputs.iter().filter(can_write) {
+                match outputs::write(output, content, drawn.as_ref().map(|drawn| &drawn.picture)) {
                     Ok(Written { clipped }) => {
                         outcome.clipped = outcome.clipped.max(clipped);
                         run.detail(&format!("wrote {}", output.path.display()));
@@ -176,7 +176,7 @@ impl Run<'_, '_> {
             peak_memory_bytes: 0,
             solution_digest,
             ranks: Vec::new(),
-            pictures: Vec::new(),
+            picture: None,
             balance: std::mem::take(&mut self.balance),
         }))
     }
@@ -191,7 +191,7 @@ impl Run<'_, '_> {
             clipped: outcome.clipped,
             peak_memory_bytes: ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0),
             ranks,
-            pictures: std::mem::take(&mut outcome.pictures),
+            picture: outcome.picture.take(),
             ..report
         };
         outcome.note(files::write_json(path, &report));
@@ -218,7 +218,7 @@ impl Run<'_, '_> {
 pub struct Outcome {
     errors: Vec<anyhow::Error>,
     clipped: f64,
-    pictures: Vec<PictureReport>,
+    picture: Option<PictureReport>,
 }
 
 impl Outcome {

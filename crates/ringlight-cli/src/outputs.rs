@@ -283,7 +283,7 @@ pub fn write(output: &Output, content: &Content<'_>, picture: Option<&Picture>) 
 
 /// What ranks did for a picture, in words, a line each.
 pub fn loads(report: &PictureReport) -> Vec<String> {
-    let PictureReport { path, width, height, split, max_over_mean, ranks } = report;
+    let PictureReport { width, height, split, max_over_mean, ranks } = report;
     let PictureBalance { pixels, rays, searched, light_bytes } = max_over_mean;
     let line = |(rank, load): (usize, &PictureLoad)| {
         let PictureLoad { pixels, rays, searched, elements_asked, light_bytes, .. } = load;
@@ -293,7 +293,7 @@ pub fn loads(report: &PictureReport) -> Vec<String> {
         )
     };
     let all = format!(
-        "{path}: {width} x {height} pixels on {} ranks by {split}; max/mean: pixels {pixels:.3}, rays {rays:.3}, \
+        "picture: {width} x {height} pixels on {} ranks by {split}; max/mean: pixels {pixels:.3}, rays {rays:.3}, \
          looked at {searched:.3}, light {light_bytes:.3}",
         ranks.len()
     );

@@ -49,29 +49,29 @@ fn pictures_do_not_depend_on_their_split_and_the_report_tells_what_each_rank_did
         for split in ["tiles", "scanlines"] {
             let way = format!("--ranks {ranks} --rings {rings} --split {split}");
             let render = "render part.ringlight --size 64x40 -o a.png -o a.exr --force --report a.json -v";
-            let told = contains(format!("a.exr: 64 x 40 pixels on {ranks} ranks by {split}")).and(contains("max/mean"));
+            let told =
+                contains(format!("picture: 64 x 40 pixels on {ranks} ranks by {split}")).and(contains("max/mean"));
             workshop.ringlight(&format!("{render} {way}")).assert().code(0).stderr(told);
             assert!(workshop.bytes("a.png") == workshop.bytes("one.png"), "{way}");
             assert!(workshop.bytes("a.exr") == workshop.bytes("one.exr"), "{way}");
             let report = workshop.json("a.json");
             assert_eq!(report["schema"], "ringlight-render-report-1");
-            for (picture, path) in report["pictures"].as_array().unwrap().iter().zip(["a.png", "a.exr"]) {
-                assert_eq!([&picture["path"], &picture["split"]], [path, split]);
-                let loads = picture["ranks"].as_array().unwrap();
-                let all = |key: &str| loads.iter().map(|load| load[key].as_u64().unwrap()).collect::<Vec<_>>();
-                assert_eq!(all("pixels").len(), ranks);
-                assert_eq!(all("pixels").iter().sum::<u64>(), 64 * 40);
-                // Sixteen samples a pixel and a rough picture; nothing is see-through, and the room is closed.
-                assert_eq!(all("rays").iter().sum::<u64>(), 64 * 40 * 17);
-                assert!(all("searched").iter().sum::<u64>() > 0, "{way}");
-                assert!(picture["max_over_mean"]["searched"].as_f64().unwrap() >= 1.0);
-            }
+            let picture = &report["picture"];
+            assert_eq!(picture["split"], split);
+            let loads = picture["ranks"].as_array().unwrap();
+            let all = |key: &str| loads.iter().map(|load| load[key].as_u64().unwrap()).collect::<Vec<_>>();
+            assert_eq!(all("pixels").len(), ranks);
+            assert_eq!(all("pixels").iter().sum::<u64>(), 64 * 40);
+            // Sixteen samples a pixel and a rough picture; nothing is see-through, and the room is closed.
+            assert_eq!(all("rays").iter().sum::<u64>(), 64 * 40 * 17);
+            assert!(all("searched").iter().sum::<u64>() > 0, "{way}");
+            assert!(picture["max_over_mean"]["searched"].as_f64().unwrap() >= 1.0);
         }
     }
     workshop.bake("-o b.png --size 16x9 --max-shots 2 --report b.json --split tiles --ranks 2").assert().code(0);
     let report = workshop.json("b.json");
-    assert_eq!(report["pictures"][0]["split"], "tiles");
-    assert_eq!(report["pictures"][0]["ranks"].as_array().unwrap().len(), 2);
+    assert_eq!(report["picture"]["split"], "tiles");
+    assert_eq!(report["picture"]["ranks"].as_array().unwrap().len(), 2);
 }
 
 /// Costly parts of a picture lie beside each other: every N-th row has its share of them, a tile may be full of them. Each rank
@@ -87,7 +87,7 @@ fn scanlines_divide_the_office_more_evenly_than_tiles() {
             let way = format!("--size 160x90 --ranks {ranks} --rings {ranks} --split {split}");
             let render = format!("render office.ringlight -o a.png --force --report a.json {way}");
             workshop.ringlight(&render).assert().code(0);
-            workshop.json("a.json")["pictures"][0]["max_over_mean"]["searched"].as_f64().unwrap()
+            workshop.json("a.json")["picture"]["max_over_mean"]["searched"].as_f64().unwrap()
         });
         assert!(scanlines < tiles, "{ranks} ranks: {scanlines} {tiles}");
     }

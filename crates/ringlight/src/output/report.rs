@@ -44,8 +44,8 @@ pub struct Report {
     pub solution_digest: String,
     /// One entry for each rank.
     pub ranks: Vec<RankReport>,
-    /// The pictures that were drawn, in order.
-    pub pictures: Vec<PictureReport>,
+    /// How the picture was drawn, if there was one.
+    pub picture: Option<PictureReport>,
     /// How the load was balanced between the members of the first ring, window by window.
     pub balance: Vec<WindowReport>,
 }
@@ -219,15 +219,13 @@ pub struct RenderReport {
     pub version: &'static str,
     /// The command line.
     pub command: Vec<String>,
-    /// The pictures, in order.
-    pub pictures: Vec<PictureReport>,
+    /// How the picture was drawn, if there was one.
+    pub picture: Option<PictureReport>,
 }
 
 /// How a picture was drawn.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PictureReport {
-    /// Where it was written.
-    pub path: String,
     /// Width, pixels.
     pub width: u32,
     /// Height, pixels.
@@ -254,11 +252,10 @@ pub struct PictureBalance {
 }
 
 impl PictureReport {
-    /// Of what was drawn for a file.
-    pub fn new(path: &str, drawn: &Drawn) -> PictureReport {
+    /// Of what was drawn.
+    pub fn new(drawn: &Drawn) -> PictureReport {
         let Drawn { picture, split, loads } = drawn;
         PictureReport {
-            path: path.into(),
             width: picture.width,
             height: picture.height,
             split: split.name(),

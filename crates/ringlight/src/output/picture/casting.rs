@@ -18,8 +18,8 @@ use rayon::prelude::*;
 use std::cell::Cell;
 use std::ops::Range;
 
-/// Most samples of a rank in a round: some tens of megabytes of fragments.
-const ROUND: usize = 1 << 18;
+/// Most samples of a rank in a round: some megabytes of fragments.
+const ROUND: usize = 1 << 16;
 
 /// Most pixels whose rays travel together.
 const RUN: usize = 64;
