@@ -1,5 +1,5 @@
 //! Light between the sample points, divided among ranks: each finds and keeps that of a run of neighbouring facets, and is
-//! asked for it by the others.
+//! asked for it by the others. While it is found, an index of all facets, some bytes for each, is held as well.
 
 use super::{Smooth, find_splits, vertex_count};
 use crate::mesh::Mesh;
@@ -7,6 +7,7 @@ use crate::quantity::Rgb;
 use crate::solution::Solution;
 use crate::solve::Ring;
 use crate::transport::{Communicator, Failure};
+use rayon::prelude::*;
 
 /// Tags of the elements that ranks ask each other for, and of the light at their corners.
 const ELEMENTS: u32 = 45;
@@ -47,7 +48,7 @@ impl<'a> Divided<'a> {
         let asked = ranks.exchange(ELEMENTS, questions.collect())?;
         let answers = asked.into_iter().map(|question| {
             let elements: Vec<u32> = bytemuck::pod_collect_to_vec(&question);
-            let corners: Vec<[Rgb; 4]> = elements.into_iter().map(|element| self.own.corners(element)).collect();
+            let corners: Vec<[Rgb; 4]> = elements.into_par_iter().map(|element| self.own.corners(element)).collect();
             bytemuck::cast_slice(&corners).to_vec()
         });
         let answers = ranks.exchange(CORNERS, answers.collect())?;
