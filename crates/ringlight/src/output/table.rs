@@ -36,7 +36,7 @@ struct Row<'a> {
 /// `object` is the surface's name; x, y, z the sample point in world coordinates, metres (the middle of an element that is
 /// covered altogether); nx, ny, nz the normal of the lit side; `area` in m²; `e_*` the irradiance at the point and `b_*` the
 /// radiosity, W/m² or lux; `e` the photometric sum of the irradiance; `valid` the share of the element that lies free of
-/// other geometry; `level` how often the element was halved.
+/// other geometry; `level` how often its patch's elements were halved (log₂ of their subdivision, rounded).
 pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
     let mesh = &solution.mesh;
     let mut table = csv::Writer::from_writer(out);
@@ -44,6 +44,8 @@ pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
         let patch = mesh.patch(id);
         let surface = mesh.facets[patch.facet as usize].surface;
         let object = solution.description.surfaces.get(surface as usize).map_or("", |s| &s.name);
+        // Twice the logarithm is the square's, so rounding is exact.
+        let level = (mesh.subdivision(id).pow(2).ilog2() + 1) / 2;
         let [nx, ny, nz] = patch.normal.as_vec3().to_array();
         for (k, element) in patch.elements().enumerate() {
             let [x, y, z] = mesh.to_world(sample_point(&patch, k as u32, mesh.valid[element as usize])).to_array();
@@ -68,7 +70,7 @@ pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
                 b_b,
                 e: photometric([e_r, e_g, e_b]),
                 valid: mesh.valid_share(element) as f32,
-                level: 0,
+                level,
             };
             table.serialize(row).map_err(io::Error::other)?;
         }

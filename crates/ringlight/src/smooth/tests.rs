@@ -160,8 +160,8 @@ fn floor_at(solution: &Solution, x: f64, y: f64) -> (u32, DVec2) {
     let point = DVec3::new(x, y, 0.0) - DVec3::from(mesh.origin);
     let facet =
         mesh.facets.iter().find(|f| f.frame().area_vector().z > 0.99 * f.frame().area_vector().length()).unwrap();
-    let (k, within) = facet.find_element(facet.frame().parameters(point));
-    (facet.first_element + k, within)
+    let (_, element, within) = mesh.find_element(facet, false, facet.frame().parameters(point));
+    (element, within)
 }
 
 fn here(solution: &Solution) -> Inquiry<'_> {

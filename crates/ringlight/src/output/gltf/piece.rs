@@ -3,8 +3,7 @@
 use super::look::{Kind, Look};
 use crate::mesh::{Colour, Facet, Frame, NONE, Patch};
 use crate::quantity::Rgb;
-use crate::smooth::Smooth;
-use crate::smooth::lattice::Lattice;
+use crate::smooth::{Smooth, between};
 use crate::solution::Solution;
 use glam::{DMat4, DVec2};
 use ringlight_visibility::Layout;
@@ -48,31 +47,26 @@ impl Piece {
     pub fn new(lit: &Lit<'_>, number: u32, kind: Kind, look: &Look, local: &DMat4) -> Piece {
         let mut piece = Piece::default();
         let facet = &lit.solution.mesh.facets[number as usize];
-        for back in [false, true].into_iter().take(1 + usize::from(facet.double_sided())) {
-            piece.add_side(lit, facet, back, kind, look, local);
+        for sheet in lit.smooth.sheets().of_facet(number) {
+            piece.add_sheet(lit, facet, sheet, kind, look, local);
         }
         piece
     }
 
-    fn add_side(&mut self, lit: &Lit<'_>, facet: &Facet, back: bool, kind: Kind, look: &Look, local: &DMat4) {
-        let mesh = &lit.solution.mesh;
-        let (frame, lattice) = (facet.frame(), Lattice::of(facet));
+    fn add_sheet(&mut self, lit: &Lit<'_>, facet: &Facet, number: u32, kind: Kind, look: &Look, local: &DMat4) {
+        let (mesh, sheets) = (&lit.solution.mesh, lit.smooth.sheets());
+        let sheet = sheets.get(number);
+        let (frame, lattice) = (facet.frame(), sheet.lattice);
         let corner_count = Frame::corner_parameters(lattice.layout).len();
-        let mirrored = back != (local.determinant() < 0.0);
-        let (first_patch, first_element) = if back {
-            (facet.first_back_patch, facet.first_back_element)
-        } else {
-            (facet.first_patch, facet.first_element)
-        };
+        let mirrored = sheet.back != (local.determinant() < 0.0);
         // Elements of one colour, on one side of all walls, share their vertices.
-        let sharing = kind == Kind::Reflecting || facet.colour == NONE;
+        let sharing = kind == Kind::Reflecting || facet.colours[0] == NONE;
         let mut shared = vec![NONE; lattice.vertex_count()];
         let mut patch: Option<Patch> = None;
         for cell in 0..lattice.cell_count() {
-            let element = first_element + facet.find_element(lattice.middle(cell)).0;
-            let id = first_patch + (element - first_element) / facet.elements_per_patch();
-            if patch.as_ref().is_none_or(|p| p.id != id) {
-                patch = Some(mesh.patch(id));
+            let element = sheets.element(number, cell);
+            if patch.as_ref().is_none_or(|p| !p.elements().contains(&element)) {
+                patch = Some(mesh.patch(mesh.patch_of(element)));
             }
             let Some(patch) = &patch else { continue };
             let colour = mesh.colour(patch, element);
@@ -81,21 +75,20 @@ impl Piece {
             }
             let light = lit.smooth.corners(element);
             let own = !sharing || lit.smooth.is_split(element);
+            let made = |at: DVec2, light: Rgb| Vertex {
+                position: local.transform_point3(frame.at(at)).as_vec3().to_array(),
+                colour: displayed(lit, facet, &colour, light, look, at),
+                uv: texture_coordinates(lit, facet, look, at),
+            };
             let mut corners = [0; 4];
-            for (k, vertex) in lattice.corners(cell).into_iter().enumerate().take(corner_count) {
+            let vertices = lattice.corners(cell);
+            for (k, vertex) in vertices.into_iter().enumerate().take(corner_count) {
                 let slot = &mut shared[lattice.vertex_index(vertex)];
                 if own || *slot == NONE {
-                    let at = lattice.parameters(vertex);
-                    let made = Vertex {
-                        position: local.transform_point3(frame.at(at)).as_vec3().to_array(),
-                        colour: displayed(lit, facet, &colour, light[k], look, at),
-                        uv: texture_coordinates(lit, facet, look, at),
-                    };
-                    corners[k] = self.vertices.len() as u32;
+                    corners[k] = self.add_vertex(made(sheet.parameters(vertex), light[k]));
                     if !own {
                         *slot = corners[k];
                     }
-                    self.vertices.push(made);
                 } else {
                     corners[k] = *slot;
                 }
@@ -103,14 +96,38 @@ impl Piece {
             if corner_count == 3 {
                 corners[3] = corners[2];
             }
-            self.add_triangles(corners, corner_count, mirrored);
+            // With the vertices that finer sheets have on its edges, so that there is no crack.
+            let mut outline = Vec::with_capacity(corner_count);
+            for k in 0..corner_count {
+                let next = (k + 1) % corner_count;
+                outline.push(corners[k]);
+                for (along, at) in sheets.hanging(&sheet, [vertices[k], vertices[next]]) {
+                    outline.push(self.add_vertex(made(at, between(light[k], light[next], along))));
+                }
+            }
+            if outline.len() == corner_count {
+                self.add_triangles(&outline, mirrored);
+            } else {
+                let at = sheet.tile(cell).at(Frame::middle(lattice.layout));
+                let mean = |c: usize| light[..corner_count].iter().map(|l| l[c]).sum::<f32>() / corner_count as f32;
+                let middle = self.add_vertex(made(at, std::array::from_fn(mean)));
+                for k in 0..outline.len() {
+                    self.add_triangles(&[middle, outline[k], outline[(k + 1) % outline.len()]], mirrored);
+                }
+            }
             self.elements.push((patch.element_area(element - patch.first_element), corners));
         }
     }
 
-    fn add_triangles(&mut self, corners: [u32; 4], corner_count: usize, mirrored: bool) {
-        for [a, b, c] in [[0, 1, 2], [0, 2, 3]].into_iter().take(corner_count - 2) {
-            let triangle = [corners[a], corners[b], corners[c]];
+    fn add_vertex(&mut self, vertex: Vertex) -> u32 {
+        self.vertices.push(vertex);
+        self.vertices.len() as u32 - 1
+    }
+
+    /// Adds the triangles of a convex outline.
+    fn add_triangles(&mut self, outline: &[u32], mirrored: bool) {
+        for k in 2..outline.len() {
+            let triangle = [outline[0], outline[k - 1], outline[k]];
             let [p, q, r] = triangle.map(|v| self.vertices[v as usize].position);
             // Too small for single precision in the node's space: nothing to see.
             if p != q && q != r && r != p {
