@@ -291,6 +291,7 @@ pub fn direction(from: Vec3, to: Vec3) -> Option<(Vec3, f32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::fixture;
 
     #[test]
     fn the_most_facing_cosine_is_that_of_the_least_angle() {
@@ -302,5 +303,30 @@ mod tests {
             assert!((found - exact).abs() < 1e-5, "{cone} {slack} {angle}: {found} {exact}");
         }
         assert_eq!(most_facing(axis, 1.0, Vec3::X, 1.0), 1.0);
+    }
+
+    #[test]
+    fn leaves_are_all_elements_once_also_where_patches_are_cut_differently() {
+        let obj = "v 0 0 0\nv 3 0 0\nv 3 2 0\nv 0 2.5 0\nv 5 0 0\nv 8 0 0\nv 5 3 0\nusemtl grey\nf 1 2 3 4\nf 5 6 7\n";
+        for sizes in [[1.0, 0.5], [0.5, 0.5], [4.0, 0.25]] {
+            let solution = fixture::solve_refined(fixture::read(obj), sizes, 1.0, fixture::mixed([1, 2, 3]));
+            let mesh = &solution.mesh;
+            let tree = ShooterTree::new(mesh);
+            let mut found = vec![0; mesh.element_count()];
+            for node in &tree.nodes {
+                if let Kind::Piece(piece @ Piece { element: Some(element), .. }) = node.kind {
+                    found[element as usize] += 1;
+                    let patch = mesh.patch(mesh.patch_of(element));
+                    let area = patch.element_area(element - patch.first_element);
+                    assert!((piece.patch(mesh).area / area - 1.0).abs() < 1e-9);
+                }
+                for child in &tree.nodes[node.children.start as usize..node.children.end as usize] {
+                    assert!(node.low.cmple(child.low).all() && node.high.cmpge(child.high).all());
+                }
+            }
+            assert!(found.iter().all(|&count| count == 1), "{sizes:?}");
+            // Both sides of a trapezoid of 6.75 m² and a triangle of 4.5 m².
+            assert!((tree.nodes[0].area - 22.5).abs() < 1e-4, "{sizes:?}: {}", tree.nodes[0].area);
+        }
     }
 }
