@@ -39,7 +39,7 @@ const MATERIALS: &[u8] =
     b"newmtl pane\nKd 0.8 0.8 0.8\nd 0.5\nmap_Kd leaf.png\nnewmtl leaf\nmap_Kd leaf.png\nmap_d leaf.png\n\
     newmtl lamp\nKe 9 8 7\nmap_Ke leaf.png\nnewmtl wall\nKd 0.6 0.5 0.4\n";
 
-/// Textures of all kinds, vertex colours, materials in turn, and more facets than are coloured at once.
+/// Textures of all kinds, vertex colours, materials in turn, and more facets than are coloured at once, and a large triangle.
 fn panes() -> String {
     let mut obj = String::from("mtllib panes.mtl\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n");
     for k in 0..2000 {
@@ -50,7 +50,7 @@ fn panes() -> String {
         let material = ["pane", "leaf", "lamp", "wall"][k as usize / 3 % 4];
         obj += &format!("usemtl {material}\nf -4/1 -3/2 -2/3 -1/4\n");
     }
-    obj
+    obj + "usemtl wall\nv 0 0 -3\nv 20 0 -3\nv 0 20 -3\nf -3 -2 -1\n"
 }
 
 fn read(name: &str, store: Store<'_>) -> Scene {
@@ -151,7 +151,7 @@ fn refined_patches_consist_of_their_elements() {
             mixed += facet.sides().filter(|&back| mesh.common_subdivision(facet, back).is_none()).count();
             triangles += usize::from(facet.triangle_count() == 1 && facet.patch_count() > 1);
         }
-        assert!(name != "office.glb" || mixed > 100 && triangles > 0, "{mixed} sides are mixed, {triangles} triangles");
+        assert!(mixed > 0 && (name != "panes.obj" || triangles > 0), "{name}: {mixed} sides, {triangles} triangles");
         for id in 0..mesh.patch_count() as u32 {
             let (patch, whole) = (mesh.patch(id), coarse.patch(id));
             assert_eq!((patch.frame, patch.facet, patch.back), (whole.frame, whole.facet, whole.back));

@@ -240,15 +240,16 @@ impl<'a> Field<'a> {
         if grid.size == [1, 1] {
             return Default::default();
         }
-        // Triangles take it from the upright ones.
-        let [column, row, _] = grid.position(sheet.cell_in_grid(cell)).map(i64::from);
-        let light = |column: i64, row: i64| self.light_in_grid(number, &sheet, grid.cell(column, row, false)?);
+        // Triangles take it from those that are turned as their sheet is: upright ones in a whole side.
+        let [column, row, turned] = sheet.upright_in_grid(cell);
+        let light = |column: i64, row: i64| self.light_in_grid(number, &sheet, grid.cell(column, row, turned == 1)?);
         let along_u = |column: i64, row: i64| slope(|step| light(column + step, row));
         let along_v = |column: i64, row: i64| slope(|step| light(column, row + step));
         // At the tip of a triangle a row has one cell: the row below tells.
+        let below = 2 * turned - 1;
         [
-            along_u(column, row).or_else(|| along_u(column, row - 1)).unwrap_or_default(),
-            along_v(column, row).or_else(|| along_v(column - 1, row)).unwrap_or_default(),
+            along_u(column, row).or_else(|| along_u(column, row + below)).unwrap_or_default(),
+            along_v(column, row).or_else(|| along_v(column + below, row)).unwrap_or_default(),
         ]
     }
 

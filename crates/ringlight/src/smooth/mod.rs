@@ -130,6 +130,12 @@ impl<'a> Smooth<'a> {
         std::array::from_fn(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
     }
 
+    /// Irradiance at a vertex of a sheet, W/m² or lux.
+    pub(crate) fn vertex(&self, sheet: u32, vertex: [u32; 2]) -> Rgb {
+        let Sheet { lattice, first_vertex, .. } = self.sheets.get(sheet);
+        self.vertices[first_vertex + lattice.vertex_index(vertex)]
+    }
+
     /// The sheets whose lattices the light is held on.
     pub(crate) fn sheets(&self) -> &Sheets<'a> {
         &self.sheets

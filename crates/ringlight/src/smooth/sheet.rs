@@ -45,6 +45,16 @@ struct Stored {
     first_vertex: usize,
 }
 
+/// A vertex of a sheet on an edge of a cell of another.
+pub struct Hanging {
+    /// Share of the way from the edge's first end to its second.
+    pub along: f64,
+    /// Number of the sheet to which the vertex belongs.
+    pub sheet: u32,
+    /// The vertex in that sheet's lattice.
+    pub vertex: [u32; 2],
+}
+
 /// An edge of a cell of a sheet, on which a vertex of a finer one lies.
 pub struct CoarseEdge {
     /// Number of the coarser sheet.
@@ -86,13 +96,17 @@ impl Sheet {
         if self.is_whole() {
             return cell;
         }
-        let [column, row, inverted] = self.lattice.position(cell);
-        let [first, bottom] = self.origin;
-        let place = match self.inverted {
-            false => self.grid.cell((first + column).into(), (bottom + row).into(), inverted == 1),
-            true => self.grid.cell((first - column - 1).into(), (bottom - row - 1).into(), inverted == 0),
-        };
-        place.expect("a sheet lies within its facet")
+        let [column, row, turned] = self.upright_in_grid(cell);
+        let inverted = self.lattice.position(cell)[2] == 1;
+        self.grid.cell(column, row, inverted != (turned == 1)).expect("a sheet lies within its facet")
+    }
+
+    /// Position in [`Sheet::grid`] of a cell, or if it is inverted in the sheet's lattice, of the upright one beside it: column,
+    /// row, and 1 for cells that are inverted in the grid.
+    pub fn upright_in_grid(&self, cell: u32) -> [i64; 3] {
+        let [column, row, _] = self.lattice.position(cell).map(i64::from);
+        let [first, bottom] = self.origin.map(i64::from);
+        if self.inverted { [first - column - 1, bottom - row - 1, 1] } else { [first + column, bottom + row, 0] }
     }
 
     /// Tile of a cell in the facet.
@@ -268,9 +282,9 @@ impl<'a> Sheets<'a> {
         })
     }
 
-    /// Vertices of a sheet's neighbours on the same side that lie on the edge of a cell between two of its vertices `ends`: their
-    /// shares of the way, ascending, and their parameters in the facet.
-    pub fn hanging(&self, sheet: &Sheet, ends: [[u32; 2]; 2]) -> Vec<(f64, DVec2)> {
+    /// Vertices of a sheet's neighbours on the same side that lie on the edge of a cell between two of its vertices `ends`, in the
+    /// order in which they lie.
+    pub fn hanging(&self, sheet: &Sheet, ends: [[u32; 2]; 2]) -> Vec<Hanging> {
         let middle = (sheet.parameters(ends[0]) + sheet.parameters(ends[1])) / 2.0;
         let on_border = ends.iter().all(|&end| sheet.lattice.on_border(end));
         if sheet.is_whole() || !on_border {
@@ -280,24 +294,25 @@ impl<'a> Sheets<'a> {
         let Some(patch) = self.patches_at(sheet, middle).find(|&patch| patch != sheet.first_patch) else {
             return Vec::new();
         };
-        let (theirs, grid) = (i64::from(self.mesh.subdivision(patch)), self.get(self.of_patch(patch)).grid);
+        let theirs = i64::from(self.mesh.subdivision(patch));
+        let number = self.of_patch(patch);
+        let other = self.get(number);
         // In their grid the ends lie at `from` / `own` and `to` / `own`.
         let [from, to] = ends.map(|end| sheet.in_grid(end).map(|x| i64::from(x) * theirs));
         let axis = if from[0] == to[0] { 1 } else { 0 };
         let (low, high) = (from[axis].min(to[axis]), from[axis].max(to[axis]));
-        let along = |line: i64| (line * own - from[axis]) as f64 / (to[axis] - from[axis]) as f64;
-        let place = |line: i64| {
+        let hanging = |line: i64| {
             let mut place = [line; 2];
             // Edges run along an axis, or in triangles across, with the sum of both coordinates the same.
             place[1 - axis] = match from[1 - axis] == to[1 - axis] {
                 true => from[1 - axis] / own,
                 false => (from[0] + from[1]) / own - line,
             };
-            grid.parameters(place.map(|x| x as u32))
+            let along = (line * own - from[axis]) as f64 / (to[axis] - from[axis]) as f64;
+            Hanging { along, sheet: number, vertex: other.from_grid(place.map(|x| x as u32)) }
         };
-        let lines = low / own + 1..(high + own - 1) / own;
-        let mut found: Vec<_> = lines.map(|line| (along(line), place(line))).collect();
-        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let mut found: Vec<Hanging> = (low / own + 1..(high + own - 1) / own).map(hanging).collect();
+        found.sort_unstable_by(|a, b| a.along.total_cmp(&b.along));
         found
     }
 

@@ -3,6 +3,7 @@
 use super::look::{Kind, Look};
 use crate::mesh::{Colour, Facet, Frame, NONE, Patch};
 use crate::quantity::Rgb;
+use crate::smooth::sheet::Hanging;
 use crate::smooth::{Smooth, between};
 use crate::solution::Solution;
 use glam::{DMat4, DVec2};
@@ -101,8 +102,12 @@ impl Piece {
             for k in 0..corner_count {
                 let next = (k + 1) % corner_count;
                 outline.push(corners[k]);
-                for (along, at) in sheets.hanging(&sheet, [vertices[k], vertices[next]]) {
-                    outline.push(self.add_vertex(made(at, between(light[k], light[next], along))));
+                for Hanging { along, sheet, vertex } in sheets.hanging(&sheet, [vertices[k], vertices[next]]) {
+                    let light = match lit.smooth.is_split(element) {
+                        true => between(light[k], light[next], along),
+                        false => lit.smooth.vertex(sheet, vertex),
+                    };
+                    outline.push(self.add_vertex(made(sheets.get(sheet).parameters(vertex), light)));
                 }
             }
             if outline.len() == corner_count {
@@ -184,4 +189,64 @@ fn blend<const N: usize>(layout: Layout, corners: &[[f32; N]; 4], at: DVec2) -> 
         Layout::Triangle => [1.0 - u - v, u, v, 0.0],
     };
     std::array::from_fn(|i| (0..4).map(|k| weights[k] * f64::from(corners[k][i])).sum::<f64>() as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::fixture::{mixed, paint, read, solve_refined};
+    use crate::output::gltf::texture::Textures;
+    use glam::{DVec3, Vec3};
+    use std::collections::HashMap;
+
+    /// Distance from the border of a convex outline.
+    fn off_border(corners: &[DVec3], point: DVec3) -> f64 {
+        let to_edge = |k: usize| {
+            let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+            (point - a).cross((b - a).normalize()).length()
+        };
+        (0..corners.len()).map(to_edge).fold(f64::INFINITY, f64::min)
+    }
+
+    #[test]
+    fn where_patches_are_cut_differently_there_are_no_cracks_and_no_jumps() {
+        let obj = "v 0 0 0\nv 3 0 0\nv 3 2 0\nv 0 2.5 0\nv 5 0 0\nv 8 0 0\nv 5 3 0\nusemtl grey\nf 1 2 3 4\nf 5 6 7\n";
+        for (sizes, choices) in [([1.0, 0.5], [1, 2, 4]), ([0.5, 0.5], [1, 4, 2]), ([0.5, 0.5], [2, 3, 1])] {
+            let mut solution = solve_refined(read(obj), sizes, 1.0, mixed(choices));
+            paint(&mut solution, |p, n| 3.0 + p.x * p.x + p.x * p.y + n.z);
+            let look = Look::new(&solution, 0, Kind::Reflecting, &[0, 1], &mut Textures::new(&solution));
+            let (smooth, ambient) = (Smooth::new(&solution), [0.0; 3]);
+            let lit = Lit { solution: &solution, smooth, scale: 0.01, ambient };
+            for (number, facet) in (0..).zip(&solution.mesh.facets) {
+                let piece = Piece::new(&lit, number, Kind::Reflecting, &look, &DMat4::IDENTITY);
+                // A light for each place on each side, and each edge once in either direction.
+                let mut light: HashMap<(bool, [u32; 3]), f32> = HashMap::new();
+                let mut edges: HashMap<(bool, [[u32; 3]; 2]), u32> = HashMap::new();
+                let mut area = 0.0;
+                for triangle in &piece.triangles {
+                    let vertices = triangle.map(|v| piece.vertices[v as usize]);
+                    let [a, b, c] = vertices.map(|v| Vec3::from(v.position));
+                    let normal = (b - a).cross(c - a);
+                    let front = normal.z > 0.0;
+                    assert!(normal.length() > 1e-6, "a triangle without an area");
+                    area += f64::from(normal.length()) / 2.0;
+                    let keys = vertices.map(|v| v.position.map(|x| (x + 0.0).to_bits()));
+                    for k in 0..3 {
+                        *edges.entry((front, [keys[k], keys[(k + 1) % 3]])).or_default() += 1;
+                        let known = *light.entry((front, keys[k])).or_insert(vertices[k].colour[0]);
+                        let jump = (known - vertices[k].colour[0]).abs();
+                        assert!(jump < 1e-5 * known.max(0.1), "{sizes:?}: {jump} of {known}");
+                    }
+                }
+                assert!((area / (2.0 * facet.frame().area_vector().length()) - 1.0).abs() < 1e-5);
+                let (corners, count) = facet.frame().corners();
+                for (&(front, [from, to]), &times) in &edges {
+                    let [a, b] = [from, to].map(|p| Vec3::from(p.map(f32::from_bits)).as_dvec3());
+                    let middle = (a + b) / 2.0;
+                    let closed = edges.contains_key(&(front, [to, from]));
+                    assert!(times == 1 && (closed || off_border(&corners[..count], middle) < 1e-5), "a crack at {middle}");
+                }
+            }
+        }
+    }
 }
