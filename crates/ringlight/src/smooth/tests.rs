@@ -269,8 +269,10 @@ fn linear_light_stays_linear_where_patches_are_cut_differently() {
         let parallel = |c: &[DVec3]| c[0].x < 10.0;
         let error = worst(&solution, light, |c, _| parallel(c));
         assert!(error < 1e-4, "{sizes:?}: {error}");
-        let error = worst(&solution, light, |_, _| true);
-        assert!(error < 0.05, "{sizes:?}: {error}");
+        let mut uniform = solve_refined(read(SHEETS), sizes, 1.0, |_| 1);
+        paint(&mut uniform, light);
+        let [error, of_uniform] = [&solution, &uniform].map(|solution| worst(solution, light, |c, _| !parallel(c)));
+        assert!(error <= of_uniform, "{sizes:?}: {error}, uniform {of_uniform}");
         let inquiry = here(&solution);
         let surface = SurfaceLight::new(&solution);
         for (element, corners, normal) in elements(&solution).into_iter().filter(|(_, c, _)| parallel(c)) {
