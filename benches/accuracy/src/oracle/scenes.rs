@@ -5,6 +5,7 @@ use ringlight::mesh::NONE;
 use ringlight::scene::{Light, LightKind, Scene};
 use ringlight::shooting::Shoot;
 use ringlight::solve::{SolveSettings, Solver};
+use std::ops::Range;
 
 /// A scene with what it is solved with.
 pub struct Case {

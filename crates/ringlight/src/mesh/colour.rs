@@ -213,7 +213,8 @@ fn multiply(
         };
         mesh.occluder.cutout[surface] = Some(bitmap as u32);
     }
-    let (facets, first_elements, base_uv): (&[Facet], &[u32], &[_]) = (&mesh.facets, &mesh.first_elements, &mesh.base_uv);
+    let (facets, first_elements, base_uv): (&[Facet], &[u32], &[_]) =
+        (&mesh.facets, &mesh.first_elements, &mesh.base_uv);
     let average = |facet: &Facet| {
         let material = materials[facet.surface as usize];
         let texture = texture(material)?;

@@ -193,7 +193,10 @@ fn refined_elements_have_the_colours_of_their_place() {
         let (fine, whole) = (mean(&mesh), mean(&coarse));
         textured += usize::from(mesh.facets[mesh.side_of(id).0 as usize].colours[0] != NONE);
         // Texels over small areas are added up otherwise than over large ones, and products of two averages are not their average.
-        assert!((0..2).all(|i| (fine[i] - whole[i]).abs() < 0.05 * whole[i].max(0.1)), "patch {id}: {fine:?} {whole:?}");
+        assert!(
+            (0..2).all(|i| (fine[i] - whole[i]).abs() < 0.05 * whole[i].max(0.1)),
+            "patch {id}: {fine:?} {whole:?}"
+        );
     }
     assert!(textured > 1000);
 }

@@ -45,7 +45,7 @@ pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
         let surface = mesh.facets[patch.facet as usize].surface;
         let object = solution.description.surfaces.get(surface as usize).map_or("", |s| &s.name);
         // Twice the logarithm is the square's, so rounding is exact.
-        let level = (mesh.subdivision(id).pow(2).ilog2() + 1) / 2;
+        let level = mesh.subdivision(id).pow(2).ilog2().div_ceil(2);
         let [nx, ny, nz] = patch.normal.as_vec3().to_array();
         for (k, element) in patch.elements().enumerate() {
             let [x, y, z] = mesh.to_world(sample_point(&patch, k as u32, mesh.valid[element as usize])).to_array();

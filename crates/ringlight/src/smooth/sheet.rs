@@ -76,7 +76,7 @@ impl Sheet {
         if self.inverted { [first - column, bottom - row] } else { [first + column, bottom + row] }
     }
 
-    fn from_grid(&self, [column, row]: [u32; 2]) -> [u32; 2] {
+    fn out_of_grid(&self, [column, row]: [u32; 2]) -> [u32; 2] {
         let [first, bottom] = self.origin;
         if self.inverted { [first - column, bottom - row] } else { [column - first, row - bottom] }
     }
@@ -277,7 +277,7 @@ impl<'a> Sheets<'a> {
                 _ => ([[column, row + 1], [column + 1, row]], 0),
             };
             let other = self.of_patch(patch);
-            let ends = ends.map(|end| self.get(other).from_grid(end));
+            let ends = ends.map(|end| self.get(other).out_of_grid(end));
             Some(CoarseEdge { sheet: other, ends, along: f64::from(rest[axis]) / f64::from(fine) })
         })
     }
@@ -309,7 +309,7 @@ impl<'a> Sheets<'a> {
                 false => (from[0] + from[1]) / own - line,
             };
             let along = (line * own - from[axis]) as f64 / (to[axis] - from[axis]) as f64;
-            Hanging { along, sheet: number, vertex: other.from_grid(place.map(|x| x as u32)) }
+            Hanging { along, sheet: number, vertex: other.out_of_grid(place.map(|x| x as u32)) }
         };
         let mut found: Vec<Hanging> = (low / own + 1..(high + own - 1) / own).map(hanging).collect();
         found.sort_unstable_by(|a, b| a.along.total_cmp(&b.along));

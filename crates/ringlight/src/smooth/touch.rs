@@ -43,14 +43,7 @@ pub fn touching(sheets: &Sheets<'_>, places: &Places<'_>, point: DVec3, toleranc
 }
 
 /// Adds the elements of one side of a facet that touch the place at parameters `at`.
-pub fn touching_side(
-    sheets: &Sheets<'_>,
-    number: u32,
-    back: bool,
-    at: DVec2,
-    tolerance: f64,
-    found: &mut Vec<Touch>,
-) {
+pub fn touching_side(sheets: &Sheets<'_>, number: u32, back: bool, at: DVec2, tolerance: f64, found: &mut Vec<Touch>) {
     let facet = &sheets.mesh().facets[number as usize];
     let frame = facet.frame();
     let lengths = DVec2::new(frame.edge_u.length(), frame.edge_v.length());

@@ -244,7 +244,10 @@ mod tests {
                     let [a, b] = [from, to].map(|p| Vec3::from(p.map(f32::from_bits)).as_dvec3());
                     let middle = (a + b) / 2.0;
                     let closed = edges.contains_key(&(front, [to, from]));
-                    assert!(times == 1 && (closed || off_border(&corners[..count], middle) < 1e-5), "a crack at {middle}");
+                    assert!(
+                        times == 1 && (closed || off_border(&corners[..count], middle) < 1e-5),
+                        "a crack at {middle}"
+                    );
                 }
             }
         }
