@@ -86,7 +86,7 @@ fn sample_point(patch: &Patch, k: u32, valid: u16) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scenes;
+    use super::super::{fixture, scenes};
     use super::write_table;
 
     fn table(obj: &str) -> String {
@@ -103,6 +103,25 @@ mod tests {
         let header = "element,patch,object,x,y,z,nx,ny,nz,area,e_r,e_g,e_b,b_r,b_g,b_b,e,valid,level";
         assert_eq!(lines.next(), Some(header));
         assert_eq!(lines.count(), solution.mesh.element_count());
+    }
+
+    #[test]
+    fn levels_count_halvings() {
+        let levels = |subdivision: u8| {
+            let scene = fixture::read(scenes::LAMP_OVER_FLOOR);
+            let solution =
+                fixture::solve_refined(scene, [2.0, 1.0], 1.0, |patch| if patch < 2 { 1 } else { subdivision });
+            let mut bytes = Vec::new();
+            write_table(&solution, &mut bytes).unwrap();
+            let mut reader = csv::Reader::from_reader(bytes.as_slice());
+            let mut levels: Vec<u32> = reader.records().map(|row| row.unwrap()[18].parse().unwrap()).collect();
+            levels.dedup();
+            levels
+        };
+        for (subdivision, level) in [(2, 1), (3, 2), (4, 2), (5, 2), (6, 3), (11, 3), (12, 4)] {
+            assert_eq!(levels(subdivision), [0, level], "{subdivision}");
+        }
+        assert_eq!(levels(1), [0]);
     }
 
     #[test]
