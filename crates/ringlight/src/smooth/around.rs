@@ -32,7 +32,6 @@ pub fn deciding(solution: &Solution, places: &Places<'_>, facets: Range<u32>, to
 
 /// Whether the light of an element of a facet is to be taken from its neighbours.
 fn has_gap(solution: &Solution, facet: &Facet) -> bool {
-    let back = facet.double_sided().then_some(facet.first_back_element);
-    let elements = |first: u32| first..first + facet.element_count();
-    std::iter::once(facet.first_element).chain(back).flat_map(elements).any(|e| known(solution, e).is_none())
+    let elements = facet.sides().flat_map(|back| solution.mesh.side_elements(facet, back));
+    elements.into_iter().any(|element| known(solution, element).is_none())
 }

@@ -1,8 +1,8 @@
 //! Light between the sample points, divided among ranks: each finds and keeps that of a run of neighbouring facets, and is
 //! asked for it by the others. While it is found, an index of all facets, some bytes for each, is held as well.
 
-use super::{Smooth, find_splits, vertex_count};
-use crate::mesh::Mesh;
+use super::sheet::Sheets;
+use super::{Smooth, find_splits};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
 use crate::solve::Ring;
@@ -29,7 +29,7 @@ impl<'a> Divided<'a> {
         ring: &mut Ring<'a>,
         ranks: &mut Communicator<'_>,
     ) -> Result<Divided<'a>, Failure> {
-        let (rank, ends) = (ranks.rank(), ends(&solution.mesh, ranks.size()));
+        let (rank, ends) = (ranks.rank(), ends(&Sheets::new(&solution.mesh), ranks.size()));
         let start = if rank == 0 { 0 } else { ends[rank - 1] };
         let (smooth, field, suspects) = Smooth::without_walls(solution, start..ends[rank]);
         let own = Smooth { splits: find_splits(&field, suspects, ring, ranks)?, ..smooth };
@@ -69,15 +69,14 @@ impl<'a> Divided<'a> {
 
 /// Where the ranks' runs of facets end. They have about as many vertices each, by less than a facet's: a function of the mesh
 /// and the number of ranks.
-fn ends(mesh: &Mesh, ranks: usize) -> Vec<u32> {
-    let total: usize = mesh.facets.iter().map(vertex_count).sum();
-    let (mut end, mut before) = (0, 0);
+fn ends(sheets: &Sheets<'_>, ranks: usize) -> Vec<u32> {
+    let facets = sheets.mesh().facets.len() as u32;
+    let mut end = 0;
     let ends = (1..=ranks).map(|rank| {
         // A facet goes where its middle lies.
-        while let Some(facet) = mesh.facets.get(end as usize)
-            && (2 * before + vertex_count(facet)) as u128 * ranks as u128 <= 2 * (total * rank) as u128
-        {
-            before += vertex_count(facet);
+        let share = 2 * (sheets.vertex_count() * rank) as u128;
+        let middle = |f: u32| (sheets.first_vertex_of(f) + sheets.first_vertex_of(f + 1)) as u128;
+        while end < facets && middle(end) * ranks as u128 <= share {
             end += 1;
         }
         end

@@ -11,7 +11,7 @@ use super::split::{Part, Split};
 use crate::mesh::Inquiry;
 use crate::output::View;
 use crate::quantity::Rgb;
-use crate::smooth::{Divided, between};
+use crate::smooth::{Divided, interpolate};
 use crate::solve::Ring;
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
@@ -102,7 +102,7 @@ impl<'a> Casting<'_, 'a> {
                     if wanted[place.get()] != element {
                         place.set(wanted.binary_search(&element).expect("all elements that are met are asked for"));
                     }
-                    between(&corners[place.get()], self.painter.layout(fragment), fragment.within)
+                    interpolate(&corners[place.get()], self.painter.layout(fragment), fragment.within)
                 };
                 let samples: Vec<Sample> = run.samples(|fragments, sky| self.painter.compose(fragments, sky, light));
                 samples.chunks(self.places.len()).map(&finish).collect::<Vec<T>>()
