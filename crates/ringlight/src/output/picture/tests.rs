@@ -1,5 +1,5 @@
 use super::*;
-use crate::output::fixture::over_ranks;
+use crate::output::fixture::{mixed, over_ranks, read, solve_refined};
 use crate::output::scenes::{automatic, draw};
 use crate::output::{Projection, View, scenes};
 use crate::ring::{Rings, Routing};
@@ -110,9 +110,10 @@ fn the_picture_is_the_same_on_one_thread_and_on_two() {
 
 /// The room with a wall on its floor, which cuts corners of the floor's elements off from each other.
 fn room_with_wall() -> Solution {
-    let wall = "v 11 0 3\nv 13 0 3\nv 13 1 3\nv 11 1 3\nusemtl grey\no screen\nf -4 -3 -2 -1\n";
-    scenes::solved(&(scenes::ROOM.to_owned() + wall), 0.5)
+    scenes::solved(&(scenes::ROOM.to_owned() + WALL), 0.5)
 }
+
+const WALL: &str = "v 11 0 3\nv 13 0 3\nv 13 1 3\nv 11 1 3\nusemtl grey\no screen\nf -4 -3 -2 -1\n";
 
 /// Lets half of the light through the surfaces of this name.
 fn make_see_through(solution: &mut Solution, name: &str) {
@@ -129,7 +130,8 @@ fn the_picture_is_the_same_on_one_rank_and_on_many_however_it_is_divided() {
     let opaque = room_with_wall();
     let mut see_through = opaque.clone();
     make_see_through(&mut see_through, "screen");
-    for solution in [opaque, see_through] {
+    let mixed = solve_refined(read(&(scenes::ROOM.to_owned() + WALL)), [1.0, 0.5], 0.01, mixed([1, 2, 4]));
+    for solution in [opaque, see_through, mixed] {
         let smooth = Smooth::new(&solution);
         let split = (0..solution.mesh.element_count() as u32).filter(|&element| smooth.is_split(element)).count();
         assert!(split > 0, "a wall cuts corners off");
