@@ -118,8 +118,14 @@ pub struct Export {
     /// Threads of each rank; its share of the cores by default
     #[arg(long, value_name = "N", value_parser = values::threads)]
     pub threads: Option<usize>,
-    /// Say nothing but errors
+    /// Write a report as JSON: what each rank did for the picture
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Say what each rank did for the picture
     #[arg(long, short)]
+    pub verbose: bool,
+    /// Say nothing but errors
+    #[arg(long, short, conflicts_with = "verbose")]
     pub quiet: bool,
 }
 
@@ -327,6 +333,9 @@ pub struct DisplayArguments {
     /// Draw a quantity in false colour, with a legend
     #[arg(long, value_enum)]
     pub false_colour: Option<FalseColourChoice>,
+    /// How pictures are divided among ranks; they are the same either way
+    #[arg(long, value_enum, default_value = "scanlines")]
+    pub split: SplitChoice,
 }
 
 /// How the work is spread over ranks. Nothing of it changes the result.

@@ -4,14 +4,15 @@ use crate::arguments::Export;
 use crate::failure::{End, Failure};
 use crate::host::Host;
 use crate::outputs::{self, Content, Others};
-use crate::{launch, reading, run, spread};
+use crate::{files, launch, reading, run, spread};
+use ringlight::output::report::{PictureReport, RENDER_SCHEMA, RenderReport};
 use ringlight::transport::Communicator;
 
 /// Writes outputs of a solution; pictures are drawn by all ranks.
 pub fn export(arguments: &Export, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     spread::check(&arguments.spread, ranks.size())?;
-    let others = Others { scene, ..Others::default() };
+    let others = Others { scene, report: arguments.report.as_deref(), ..Others::default() };
     launch::on_first_rank(ranks, || outputs::check(&arguments.targets, &others))?;
     let host = Host::find(ranks, None, arguments.spread.memory_per_rank.is_some())?;
     let solution = reading::solution(ranks, &host, path, scene)?;
@@ -24,18 +25,20 @@ pub fn export(arguments: &Export, ranks: &mut Communicator<'_>) -> Result<End, F
         }
     }
     let content = Content { solution: &solution, display: &arguments.display };
-    let (pictures, others): (Vec<_>, Vec<_>) = arguments.targets.output.iter().partition(|o| o.kind.is_picture());
-    if !pictures.is_empty() {
-        let mut ring = reading::ring(ranks, &arguments.spread, &solution.mesh)?;
-        for output in pictures {
-            if let Some(picture) = content.picture(&mut ring, ranks)?? {
-                outputs::write(output, &content, Some(&picture))?;
-            }
-        }
+    let outputs = &arguments.targets.output;
+    let drawn = match outputs.iter().any(|output| output.kind.is_picture()) {
+        true => content.picture(&mut reading::ring(ranks, &arguments.spread, &solution.mesh)?, ranks)??,
+        false => None,
+    };
+    let picture = drawn.as_ref().map(PictureReport::new);
+    picture.iter().filter(|_| arguments.verbose).flat_map(outputs::loads).for_each(|line| eprintln!("{line}"));
+    // The first rank writes: pictures when all have drawn them, all else as it reads it.
+    for output in outputs.iter().filter(|_| first) {
+        outputs::write(output, &content, drawn.as_ref().map(|drawn| &drawn.picture))?;
     }
-    // All else the first rank writes, as it reads it.
-    for output in others.into_iter().filter(|_| first) {
-        outputs::write(output, &content, None)?;
+    if let Some(path) = arguments.report.as_deref().filter(|_| first) {
+        let (version, command) = (env!("CARGO_PKG_VERSION"), run::command_line());
+        files::write_json(path, &RenderReport { schema: RENDER_SCHEMA, version, command, picture })?;
     }
     Ok(End::Done)
 }

@@ -5,6 +5,7 @@ use anyhow::{Context, bail};
 use ringlight::column::Store;
 use ringlight::resources::{Bytes, Resources};
 use ringlight::transport::{Communicator, Failure as RankFailure};
+use serde::Serialize;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Component, Path, PathBuf};
@@ -160,6 +161,14 @@ pub fn write<T>(path: &Path, content: impl FnOnce(&mut NewFile) -> io::Result<T>
         Ok::<T, io::Error>(result)
     };
     whole().with_context(|| format!("{}: cannot be written", path.display()))
+}
+
+/// Writes a report as JSON.
+pub fn write_json(path: &Path, report: &impl Serialize) -> anyhow::Result<()> {
+    write(path, |out| {
+        serde_json::to_writer_pretty(&mut *out, report)?;
+        out.write_all(b"\n")
+    })
 }
 
 /// Writes a file over ranks: all of them call it, and rank 0 writes. `content` runs on all of them even when rank 0 has no

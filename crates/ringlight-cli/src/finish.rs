@@ -9,14 +9,13 @@ use crate::machine;
 use crate::outputs::{self, Content, Kind, Output, Written};
 use crate::progress::Stage;
 use crate::reading;
-use crate::run::{Baked, Made, Run, Settings};
+use crate::run::{self, Baked, Made, Run, Settings};
 use crate::spread;
 use anyhow::Context;
-use ringlight::output::report::{self, RankReport, Report, SceneReport, SolveReport, Units};
+use ringlight::output::report::{self, PictureReport, RankReport, Report, SceneReport, SolveReport, Units};
 use ringlight::solution::{self, Snapshot, Solution, SolvedLight};
 use ringlight::solve::{Ledger, Progress, StopReason};
 use ringlight_visibility::Hierarchy;
-use std::io::Write;
 use std::sync::Arc;
 
 impl Run<'_, '_> {
@@ -130,16 +129,22 @@ impl Run<'_, '_> {
     ) -> Result<(), Failure> {
         self.stage(Stage::Write, |run| {
             let pictures = outputs.iter().any(|output| output.kind.is_picture());
-            let mut ring = pictures.then(|| run.ring(&content.solution.mesh, hierarchy));
-            for output in outputs {
-                let picture = match &mut ring {
-                    Some(ring) if output.kind.is_picture() => content.picture(ring, run.ranks)?,
-                    _ => Ok(None),
-                };
-                if !run.is_first() {
-                    continue;
-                }
-                match picture.and_then(|picture| outputs::write(output, content, picture.as_ref())) {
+            let drawn = match pictures {
+                true => content.picture(&mut run.ring(&content.solution.mesh, hierarchy), run.ranks)?,
+                false => Ok(None),
+            };
+            if !run.is_first() {
+                return Ok(());
+            }
+            let drawn = drawn.unwrap_or_else(|error| {
+                outcome.note(Err(error));
+                None
+            });
+            outcome.picture = drawn.as_ref().map(PictureReport::new);
+            outcome.picture.iter().flat_map(outputs::loads).for_each(|line| run.detail(&line));
+            let can_write = |output: &&&Output| drawn.is_some() || !output.kind.is_picture();
+            for output in outputs.iter().filter(can_write) {
+                match outputs::write(output, content, drawn.as_ref().map(|drawn| &drawn.picture)) {
                     Ok(Written { clipped }) => {
                         outcome.clipped = outcome.clipped.max(clipped);
                         run.detail(&format!("wrote {}", output.path.display()));
@@ -159,7 +164,7 @@ impl Run<'_, '_> {
         Ok(digest.filter(|_| self.arguments.report.is_some()).map(|solution_digest| Report {
             schema: report::SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
-            command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
+            command: run::command_line(),
             units: Units::of(description),
             warnings: Vec::new(),
             scene: SceneReport::new(description, mesh),
@@ -171,6 +176,7 @@ impl Run<'_, '_> {
             peak_memory_bytes: 0,
             solution_digest,
             ranks: Vec::new(),
+            picture: None,
             balance: std::mem::take(&mut self.balance),
         }))
     }
@@ -185,12 +191,10 @@ impl Run<'_, '_> {
             clipped: outcome.clipped,
             peak_memory_bytes: ranks.iter().map(|rank| rank.peak_memory_bytes).max().unwrap_or(0),
             ranks,
+            picture: outcome.picture.take(),
             ..report
         };
-        outcome.note(files::write(path, |out| {
-            serde_json::to_writer_pretty(&mut *out, &report)?;
-            out.write_all(b"\n")
-        }));
+        outcome.note(files::write_json(path, &report));
         Ok(())
     }
 
@@ -214,6 +218,7 @@ impl Run<'_, '_> {
 pub struct Outcome {
     errors: Vec<anyhow::Error>,
     clipped: f64,
+    picture: Option<PictureReport>,
 }
 
 impl Outcome {

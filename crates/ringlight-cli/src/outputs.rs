@@ -1,13 +1,15 @@
 //! What can be written, by the ending of the file. Each kind of output is hooked up at one arm of [`write()`].
 
-use crate::arguments::{DisplayArguments, Targets, ToneChoice};
+use crate::arguments::{DisplayArguments, SplitChoice, Targets, ToneChoice};
 use crate::failure::Failure;
 use crate::files::{self, NewFile};
 use crate::values::{ExposureChoice, PictureSize};
 use anyhow::Context;
 use ringlight::mesh::Mesh;
-use ringlight::output::report::Units;
-use ringlight::output::{Exposure, FalseColour, LitOptions, Picture, PictureOptions, Tone, Unit, View};
+use ringlight::output::report::{PictureBalance, PictureReport, Units};
+use ringlight::output::{
+    Drawn, Exposure, FalseColour, LitOptions, Picture, PictureLoad, PictureOptions, Split, Tone, Unit, View,
+};
 use ringlight::output::{
     ambient, check_glb, render, write_exr, write_glb, write_gltf, write_png, write_table, write_vtu,
 };
@@ -224,7 +226,7 @@ impl<'a> Content<'a> {
         &self,
         ring: &mut Ring<'a>,
         ranks: &mut Communicator<'_>,
-    ) -> Result<anyhow::Result<Option<Picture>>, RankFailure> {
+    ) -> Result<anyhow::Result<Option<Drawn>>, RankFailure> {
         let (solution, display) = (self.solution, self.display);
         let PictureSize { width, height } = display.size;
         let view = match View::choose(display.camera.as_deref(), solution) {
@@ -245,6 +247,10 @@ impl<'a> Content<'a> {
             },
             false_colour: display.false_colour.map(|_| FalseColour { unit, ..FalseColour::default() }),
             ambient: if display.ambient { ambient(solution) } else { [0.0; 3] },
+            split: match display.split {
+                SplitChoice::Tiles => Split::Tiles,
+                SplitChoice::Scanlines => Split::Scanlines,
+            },
             ..PictureOptions::new(view, width, height)
         };
         Ok(Ok(render(solution, &options, ring, ranks)?))
@@ -273,4 +279,23 @@ pub fn write(output: &Output, content: &Content<'_>, picture: Option<&Picture>) 
         Kind::Exr => files::write(path, |out| picture.map_or(Ok(()), |picture| write_exr(picture, out)))?,
     }
     Ok(written)
+}
+
+/// What ranks did for a picture, in words, a line each.
+pub fn loads(report: &PictureReport) -> Vec<String> {
+    let PictureReport { width, height, split, max_over_mean, ranks } = report;
+    let PictureBalance { pixels, rays, searched, light_bytes } = max_over_mean;
+    let line = |(rank, load): (usize, &PictureLoad)| {
+        let PictureLoad { pixels, rays, searched, elements_asked, light_bytes, .. } = load;
+        format!(
+            "  rank {rank}: {pixels} pixels, {rays} rays, {searched} nodes and triangles looked at, light of \
+             {elements_asked} elements asked for, {light_bytes} bytes of light kept"
+        )
+    };
+    let all = format!(
+        "picture: {width} x {height} pixels on {} ranks by {split}; max/mean: pixels {pixels:.3}, rays {rays:.3}, \
+         looked at {searched:.3}, light {light_bytes:.3}",
+        ranks.len()
+    );
+    std::iter::once(all).chain(ranks.iter().enumerate().map(line)).collect()
 }

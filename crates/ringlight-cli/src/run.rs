@@ -283,6 +283,11 @@ impl<'a, 'b> Run<'a, 'b> {
     }
 }
 
+/// The command line, as reports show it.
+pub fn command_line() -> Vec<String> {
+    std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect()
+}
+
 /// A warning in words.
 pub fn warning(message: &str, count: u64, first_place: &str) -> String {
     match (count, first_place) {

@@ -5,7 +5,7 @@ use crate::failure::{End, Failure};
 use crate::files::{self, NewFile};
 use crate::launch::{self, COMMAND};
 use crate::progress::{Reporter, Stage};
-use crate::run::warning;
+use crate::run::{command_line, warning};
 use crate::signals::Signals;
 use crate::values::Matrix;
 use crate::{input, machine, outputs};
@@ -19,7 +19,7 @@ use ringlight::transport::Communicator;
 use ringlight::view_factor::{self, Auditor, Computed, Faces, MatrixSettings, Occluders, Pairs, Per, Reciprocity};
 use ringlight::view_factor::{RowSums, Sides, Storage, Tolerance, Watch};
 use serde::Serialize;
-use std::io::{self, Cursor, Write};
+use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -111,10 +111,7 @@ pub fn viewfactors(arguments: &ViewFactors, ranks: &mut Communicator<'_>) -> Res
     run.say(&summary(&faces, &done.computed.pairs, &done.sums, done.values, run.seconds.total));
     if let (Some(path), Some(reciprocity)) = (&arguments.report, reciprocity) {
         let report = run.report(&faces, &settings, &(done.computed, done.sums, done.values), reciprocity);
-        files::write(path, |out| {
-            serde_json::to_writer_pretty(&mut *out, &report)?;
-            out.write_all(b"\n")
-        })?;
+        files::write_json(path, &report)?;
     }
     Ok(End::Done)
 }
@@ -361,7 +358,7 @@ impl<'a, 'b> Run<'a, 'b> {
         Report {
             schema: "ringlight-viewfactors-1",
             version: env!("CARGO_PKG_VERSION"),
-            command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
+            command: command_line(),
             warnings: report::warnings(&self.warnings),
             scene: SceneCounts {
                 triangles: faces.triangles,

@@ -38,6 +38,7 @@ mod triangle;
 pub use boxes::Boxes;
 pub use hierarchy::{Hierarchy, Hit, Ray, Tally};
 pub use instruction_set::InstructionSet;
+pub use nearest::searched;
 pub use plan::PreparedShooter;
 pub use region::HalfSpace;
 pub use shaft_region::Region;

@@ -1,12 +1,26 @@
 //! The nearest hit of one ray: lanes are the children of a node.
 
 use arrayvec::ArrayVec;
+use std::cell::Cell;
 
 use crate::build::{Child, Node, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::lanes::{Lanes, splat};
 use crate::predicate::{Prepared, SHAFT_MARGIN, ray_hit};
 use crate::{Hierarchy, Hit, NO_PLANE, Ray, Triangle};
+
+thread_local! {
+    /// Nodes and triangles that this thread has looked at within the innermost [`searched`].
+    static LOOKED_AT: Cell<u64> = const { Cell::new(0) };
+}
+
+/// Does some work, and counts the nodes and triangles that this thread looks at meanwhile in search of nearest hits: what the
+/// work costs, whoever it asks. Within each other, the inner counts are no part of the outer.
+pub fn searched<T>(work: impl FnOnce() -> T) -> (T, u64) {
+    let before = LOOKED_AT.replace(0);
+    let done = work();
+    (done, LOOKED_AT.replace(before))
+}
 
 /// The work of [`Hierarchy::nearest_hit_where`].
 pub(crate) struct Nearest<'a, F> {
@@ -28,12 +42,14 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
         let inverse = inverse(ray);
         let mut stack = ArrayVec::<(f32, Child), STACK>::new();
         stack.push((0.0, Child::ROOT));
+        let mut looked_at = 0;
         while let Some((enter, child)) = stack.pop() {
             if best.is_some_and(|b| enter > b.distance) {
                 continue;
             }
             match child.target() {
                 Target::Triangles(range) => {
+                    looked_at += range.len() as u64;
                     for triangle in &hierarchy.triangles[range] {
                         if triangle.plane == ray.plane && ray.plane != NO_PLANE {
                             continue;
@@ -47,6 +63,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
                     }
                 }
                 Target::Node(number) => {
+                    looked_at += 1;
                     let node = &hierarchy.nodes[number];
                     let far = best.map_or(ray.far, |b| b.distance);
                     let (mut hits, enters) = passed(machine, node, ray.origin, inverse, far);
@@ -65,6 +82,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
                 }
             }
         }
+        LOOKED_AT.set(LOOKED_AT.get() + looked_at);
         best
     }
 }

@@ -27,6 +27,7 @@ fn what_is_foretold_is_what_is_stored() {
         let counts = Counts::of(&mesh);
         let mesh_bytes = size_of_val(&*mesh.facets)
             + size_of_val(&*mesh.patch_facets)
+            + size_of_val(&*mesh.first_elements)
             + size_of_val(&*mesh.valid)
             + size_of_val(&*mesh.clusters);
         assert_eq!(counts.mesh_bytes() - counts.painted, mesh_bytes as u64, "{name}");

@@ -25,10 +25,11 @@ struct Task {
 }
 
 impl Task {
-    fn new(scene: Scene, patch_size: f64, element_size: f64, settings: SolveSettings, shots: u64) -> Task {
+    fn new(scene: Scene, sizes: [f64; 2], mixed: bool, settings: SolveSettings, shots: u64) -> Task {
+        let [patch_size, element_size] = sizes;
         let options =
             MeshOptions { patch_size: Some(patch_size), element_size: Some(element_size), ..MeshOptions::default() };
-        let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
+        let mut mesh = support::refined(mesh::build(&scene, &options, Store::Heap).unwrap(), &scene, mixed);
         let hierarchy = mesh::hierarchy(&mesh);
         mesh::find_valid_samples(&mut mesh, &hierarchy);
         Task { mesh, lights: scene.lights, settings, shots }
@@ -36,12 +37,16 @@ impl Task {
 
     /// The office at the paper's sizes: 4738 patches, 17251 elements.
     fn office(shooters_in_flight: u32, shots: u64) -> Task {
+        Task::own_office([0.475, 0.1945], false, shooters_in_flight, shots)
+    }
+
+    fn own_office(sizes: [f64; 2], mixed: bool, shooters_in_flight: u32, shots: u64) -> Task {
         let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         let bytes = Bytes::new(std::fs::read(folder.join("office.glb")).unwrap());
         let scene = scene::read("office.glb", bytes, &Folder(folder), &ReadOptions::default()).unwrap();
         let settings =
             SolveSettings { solver: Solver::Plain, cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight };
-        Task::new(scene, 0.475, 0.1945, settings, shots)
+        Task::new(scene, sizes, mixed, settings, shots)
     }
 
     fn solve(&self, mut ring: Ring<'_>, ranks: &mut Communicator<'_>) -> Result<Part, Failure> {
@@ -142,7 +147,7 @@ fn light_through_panes_and_lattices_is_the_same_over_any_rings() {
     for (sky, shooters_in_flight, shots) in [(None, 1, 40), (Some([0.3, 0.4, 0.6]), 3, 260)] {
         let settings =
             SolveSettings { solver: Solver::Plain, cells: 16, shoot: Shoot::Elements, sky, shooters_in_flight };
-        let pavilion = Task::new(support::pavilion::pavilion(), 1.0, 0.25, settings, shots);
+        let pavilion = Task::new(support::pavilion::pavilion(), [1.0, 0.25], false, settings, shots);
         let hierarchy = mesh::hierarchy(&pavilion.mesh);
         let opaque = hierarchy.triangles().iter().filter(|triangle| triangle.filter == OPAQUE).count();
         assert!(opaque > 10 && hierarchy.triangles().len() > opaque + 30, "{opaque} of the triangles are opaque");
@@ -160,6 +165,16 @@ fn light_through_panes_and_lattices_is_the_same_over_any_rings() {
             // Some members hold nothing.
             pavilion.check(&expected, spread(32, 1));
         }
+    }
+}
+
+#[test]
+fn the_light_of_elements_of_all_sizes_is_the_same_over_any_rings() {
+    let office = Task::own_office([0.95, 0.4], true, 2, 12);
+    let expected = office.alone();
+    for (ranks, rings) in [(2, 2), (4, 1), (6, 4)] {
+        office.check(&expected, Spread { packet_size: 7, ..spread(ranks, rings) });
+        office.check(&expected, papers(spread(ranks, rings)));
     }
 }
 

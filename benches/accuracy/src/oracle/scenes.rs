@@ -5,6 +5,7 @@ use ringlight::mesh::NONE;
 use ringlight::scene::{Light, LightKind, Scene};
 use ringlight::shooting::Shoot;
 use ringlight::solve::{SolveSettings, Solver};
+use std::ops::Range;
 
 /// A scene with what it is solved with.
 pub struct Case {
@@ -119,10 +120,11 @@ fn coloured() -> Meshed {
     let mut meshed = meshed(boxes().scene(true), 0.7, 0.25);
     let mesh = &mut meshed.mesh;
     for facet in &mut mesh.facets {
-        assert_eq!(facet.colour, NONE, "OBJ without images has the colours of its materials");
+        assert_eq!(facet.colours, [NONE; 2], "OBJ without images has the colours of its materials");
         let plain = mesh.surface_colours[facet.surface as usize];
-        facet.colour = mesh.colours.len() as u32;
-        for element in facet.first_element..facet.first_element + facet.element_count() {
+        facet.colours = [mesh.colours.len() as u32; 2];
+        let Range { start, end } = facet.patch_range(false);
+        for element in mesh.first_elements[start as usize]..mesh.first_elements[end as usize] {
             let mut colour = plain;
             for c in 0..3 {
                 // Any pattern will do: the golden section spreads it over 0…1.

@@ -51,7 +51,7 @@ impl Light {
             let facet = mesh.facets.iter().find(|f| f.corners == corners).expect("both are cut from the same room");
             for (k, e) in patch.elements().enumerate() {
                 let at = patch.tile.compose(patch.element_tile(k as u32)).at(Frame::middle(patch.frame.layout));
-                let coarse = (facet.first_element + facet.find_element(at).0) as usize;
+                let coarse = mesh.find_element(facet, false, at).1 as usize;
                 let area = patch.element_area(k as u32);
                 sums[coarse] += area * fine.irradiance[e as usize];
                 areas[coarse] += area;

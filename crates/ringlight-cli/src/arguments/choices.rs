@@ -80,6 +80,15 @@ pub enum ToneChoice {
     None,
 }
 
+/// Ways to divide pictures among ranks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SplitChoice {
+    /// A rectangle for each rank
+    Tiles,
+    /// Every N-th row for each of N ranks
+    Scanlines,
+}
+
 /// Quantities that false colour shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum FalseColourChoice {

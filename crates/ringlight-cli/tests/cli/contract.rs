@@ -71,6 +71,8 @@ fn every_flag_of_bake_works_or_is_refused_by_its_name() {
         "--quality draft --checkpoint c.ringlight@5 --report r.json --progress plain --exposure 3 -v",
         "--quality draft --camera 1,1,1.8;1,1,0;80 --exposure auto --tone none --progress none",
         "--quality draft --tone filmic --false-colour lux --progress json --quiet",
+        "--quality draft --split tiles --ranks 2",
+        "--quality draft --split scanlines --ranks 3",
         "--solver group --sky 1",
         "--error 0.1 --threads 2 --ranks 3 --rings 2",
         "--quality draft --view --view-every 3",
@@ -82,6 +84,7 @@ fn every_flag_of_bake_works_or_is_refused_by_its_name() {
     for (flags, named) in [
         ("--solver best", "--solver"),
         ("--solver plain --error 0.01", "--error"),
+        ("--split rows", "--split"),
         ("--view=:80", "--view"),
         ("--view=a:b", "--view"),
     ] {

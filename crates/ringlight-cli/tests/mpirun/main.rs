@@ -119,6 +119,26 @@ fn what_is_read_does_not_depend_on_ranks() {
 }
 
 #[test]
+fn pictures_are_the_same_however_they_are_divided() {
+    let workshop = Workshop::new();
+    workshop.prepare_readers();
+    workshop.ringlight("render part.ringlight --size 64x40 -o one.png -o one.exr").assert().code(0);
+    for way in ["--split tiles --rings 1", "--split tiles --rings 3", "--split scanlines --rings 2"] {
+        let render = "render part.ringlight --size 64x40 -o many.png -o many.exr --report many.json --force";
+        let (code, words) = run(&workshop, 3, &format!("{render} {way}"));
+        assert_eq!(code, Some(0), "{way}: {words}");
+        for ending in ["png", "exr"] {
+            let same = workshop.bytes(&format!("one.{ending}")) == workshop.bytes(&format!("many.{ending}"));
+            assert!(same, "{way}: {ending}");
+        }
+        let report = workshop.json("many.json");
+        let loads = report["picture"]["ranks"].as_array().unwrap();
+        let pixels: Vec<u64> = loads.iter().map(|load| load["pixels"].as_u64().unwrap()).collect();
+        assert_eq!((pixels.len(), pixels.iter().sum::<u64>()), (3, 64 * 40), "{way}");
+    }
+}
+
+#[test]
 fn errors_are_said_once_and_decide_the_exit_code() {
     let workshop = Workshop::new();
     workshop.put("bad.obj", "v 0 0\n");

@@ -33,6 +33,7 @@ pub fn build(scene: &Scene, options: &MeshOptions, store: Store<'_>) -> Result<M
     let mut mesh = Mesh {
         facets: store.column()?,
         patch_facets: store.column()?,
+        first_elements: store.column()?,
         base_uv: store.column()?,
         emission_uv: store.column()?,
         vertex_colours: store.column()?,
@@ -66,14 +67,7 @@ pub fn build(scene: &Scene, options: &MeshOptions, store: Store<'_>) -> Result<M
         let one = facet.patches.iter().chain(&facet.elements).map(|&n| u64::from(n)).product::<u64>();
         total = total.saturating_add(one.saturating_mul(sides));
     }
-    if total > u64::from(u32::MAX) / 2 {
-        let place = Place::new(scene.name.clone(), "");
-        return Err(SceneError::new(
-            place,
-            format!("{total} elements"),
-            "at most 2 billion; choose a larger element size",
-        ));
-    }
+    limit(total, scene)?;
     let turn = 4.0 * mesh.sizes.patch;
     let (order, groups) = cluster::order(&mesh.facets, turn, store)?;
     let unordered = std::mem::replace(&mut mesh.facets, store.column()?);
@@ -85,6 +79,15 @@ pub fn build(scene: &Scene, options: &MeshOptions, store: Store<'_>) -> Result<M
     mesh.valid.resize(total as usize, super::ALL_VALID)?;
     super::colour::assign(&mut mesh, scene, store)?;
     Ok(mesh)
+}
+
+/// Refuses meshes of too many elements.
+pub(super) fn limit(elements: u64, scene: &Scene) -> Result<(), SceneError> {
+    if elements <= u64::from(u32::MAX) / 2 {
+        return Ok(());
+    }
+    let place = Place::new(scene.name.clone(), "");
+    Err(SceneError::new(place, format!("{elements} elements"), "at most 2 billion; choose a larger element size"))
 }
 
 /// The box around all triangles, metres.
@@ -159,12 +162,10 @@ fn add_facet(mesh: &mut Mesh, surface: u32, polygon: &Polygon, [base, emission, 
         plane: NONE,
         first_patch: NONE,
         first_back_patch: NONE,
-        first_element: NONE,
-        first_back_element: NONE,
         base_uv: keep(&mut mesh.base_uv, base, c.map(|c| c.base_uv))?,
         emission_uv: keep(&mut mesh.emission_uv, emission, c.map(|c| c.emission_uv))?,
         vertex_colour: keep(&mut mesh.vertex_colours, colours, c.map(|c| c.colour))?,
-        colour: NONE,
+        colours: [NONE; 2],
         patches: [1; 2],
         elements: [1; 2],
     };

@@ -29,7 +29,7 @@ pub fn order(facets: &[Facet], turn: f64, store: Store<'_>) -> io::Result<(Colum
         let middle = frame.at(super::Frame::middle(frame.layout));
         let normal = frame.area_vector().normalize() * turn;
         let key = [middle.x, middle.y, middle.z, normal.x, normal.y, normal.z].map(|x| x as f32);
-        Item { key, facet, elements: f.element_count() }
+        Item { key, facet, elements: f.unrefined_count() }
     }))?;
     let items: &mut [Item] = &mut items;
     let mut groups = store.column()?;
@@ -67,28 +67,29 @@ pub fn order(facets: &[Facet], turn: f64, store: Store<'_>) -> io::Result<(Colum
 /// into clusters.
 pub fn number(mesh: &mut Mesh, groups: &[u32], double_sided: impl Fn(&Facet) -> bool) -> io::Result<()> {
     let (mut patch, mut element, mut start) = (0u32, 0u32, 0usize);
+    mesh.first_elements.push(element)?;
     for &count in groups {
         let range = start..start + count as usize;
         start = range.end;
         for back in [false, true] {
-            let first = (patch, element);
+            let first = patch;
             for f in range.clone() {
                 let facet = &mut mesh.facets[f];
                 if back && !double_sided(facet) {
-                    (facet.first_back_patch, facet.first_back_element) = (NONE, NONE);
+                    facet.first_back_patch = NONE;
                     continue;
                 }
-                if back {
-                    (facet.first_back_patch, facet.first_back_element) = (patch, element);
-                } else {
-                    (facet.first_patch, facet.first_element) = (patch, element);
-                }
-                patch += facet.patch_count();
-                element += facet.element_count();
+                *if back { &mut facet.first_back_patch } else { &mut facet.first_patch } = patch;
                 let code = (f as u32) << 1 | u32::from(back);
-                mesh.patch_facets.extend(std::iter::repeat_n(code, facet.patch_count() as usize))?;
+                let count = facet.unrefined_count() / facet.patch_count();
+                for _ in 0..facet.patch_count() {
+                    patch += 1;
+                    element += count;
+                    mesh.patch_facets.push(code)?;
+                    mesh.first_elements.push(element)?;
+                }
             }
-            if patch > first.0 {
+            if patch > first {
                 cut(mesh, first, patch);
             }
         }
@@ -97,21 +98,20 @@ pub fn number(mesh: &mut Mesh, groups: &[u32], double_sided: impl Fn(&Facet) -> 
     Ok(())
 }
 
-/// Cuts the patches from `first` (patch, element) up to `end` into clusters.
-fn cut(mesh: &mut Mesh, first: (u32, u32), end: u32) {
-    let (mut patches, mut elements) = (first.0..first.0, first.1..first.1);
+/// Cuts the patches from `first` up to `end` into clusters.
+fn cut(mesh: &mut Mesh, first: u32, end: u32) {
+    let mut start = first;
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-    for id in first.0..end {
+    for id in first..end {
         let patch = mesh.patch(id);
         let (corners, n) = patch.frame.corners();
         for c in &corners[..n] {
             (low, high) = (low.min(down(*c)), high.max(up(*c)));
         }
-        patches.end = id + 1;
-        elements.end += patch.element_count();
+        let elements = mesh.first_elements[start as usize]..patch.elements().end;
         if elements.len() >= CLUSTER_ELEMENTS as usize || id + 1 == end {
-            mesh.clusters.push(Cluster { patches: patches.clone(), elements: elements.clone(), low, high });
-            (patches, elements) = (id + 1..id + 1, elements.end..elements.end);
+            mesh.clusters.push(Cluster { patches: start..id + 1, elements, low, high });
+            start = id + 1;
             (low, high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         }
     }

@@ -1,6 +1,6 @@
 //! Reflectance, emission and coverage of elements: averages of factors, textures and vertex colours.
 
-use super::{Facet, FacetCoverage, Frame, Mesh, NONE, OPAQUE_COVERAGE};
+use super::{Facet, FacetCoverage, Frame, Mesh, NONE, OPAQUE_COVERAGE, Tile};
 use crate::column::Store;
 use crate::quantity::{MAX_REFLECTANCE, Rgb};
 use crate::scene::texture::TextureImage;
@@ -10,6 +10,7 @@ use glam::{DVec2, Vec2, Vec4};
 use rayon::prelude::*;
 use ringlight_visibility::{Bitmap, Layout};
 use std::io;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Facets whose colours are computed before any is written down.
@@ -85,22 +86,28 @@ fn plain(material: &Material) -> Colour {
     }
 }
 
-/// Gives facets with textures or vertex colours a colour for each element. Both sides of a facet share them.
+/// Gives facets with textures or vertex colours a colour for each element. Both sides of a facet share them if they are cut
+/// alike.
 fn store_varying<'a>(mesh: &mut Mesh, material: impl Fn(&Facet) -> &'a Material) -> io::Result<()> {
+    let first_elements: &[u32] = &mesh.first_elements;
     for facet in &mut mesh.facets {
         let plain = mesh.surface_colours[facet.surface as usize];
         let vertex = (facet.vertex_colour != NONE).then(|| mesh.vertex_colours[facet.vertex_colour as usize]);
         let textured = facet.base_uv != NONE || facet.emission_uv != NONE;
         let coloured = vertex.is_some_and(|c| c != [[1.0; 4]; 4]);
         if !textured && !coloured {
+            facet.colours = [NONE; 2];
             continue;
         }
-        facet.colour = mesh.colours.len() as u32;
+        let first = mesh.colours.len() as u32;
+        let of_front = elements_of(facet.patch_range(false), first_elements).len() as u32;
+        facet.colours = [first, if cut_alike(facet, first_elements) { first } else { first + of_front }];
+        let facet: &Facet = facet;
         let blend = material(facet).alpha == Alpha::Blend;
-        mesh.colours.extend((0..facet.element_count()).map(|k| {
+        mesh.colours.extend(coloured_tiles(facet, first_elements).map(|tile| {
             let mut colour = plain;
             if let Some(vertex) = vertex {
-                let c = interpolate(facet, vertex.map(Vec4::from), element_middle(facet, k));
+                let c = interpolate(facet, vertex.map(Vec4::from), tile.at(Frame::middle(facet.layout())));
                 (0..3).for_each(|i| colour.reflectance[i] *= c[i].max(0.0));
                 if blend {
                     colour.coverage *= c.w.clamp(0.0, 1.0);
@@ -112,29 +119,35 @@ fn store_varying<'a>(mesh: &mut Mesh, material: impl Fn(&Facet) -> &'a Material)
     Ok(())
 }
 
-/// Parameters within the facet of the corners of element `k` of a side.
-pub fn element_corners(facet: &Facet, k: u32) -> ([DVec2; 4], usize) {
-    let tile = element_tile(facet, k);
-    let parameters = Frame::corner_parameters(facet.layout());
-    let mut corners = [tile.origin; 4];
-    for (corner, &p) in corners.iter_mut().zip(parameters) {
-        *corner = tile.at(p);
-    }
-    (corners, parameters.len())
+/// The elements of a run of patches.
+fn elements_of(patches: Range<u32>, first_elements: &[u32]) -> Range<usize> {
+    first_elements[patches.start as usize] as usize..first_elements[patches.end as usize] as usize
 }
 
-fn element_middle(facet: &Facet, k: u32) -> DVec2 {
-    element_tile(facet, k).at(Frame::middle(facet.layout()))
+/// Whether both sides of a facet have the same elements, if both are lit.
+fn cut_alike(facet: &Facet, first_elements: &[u32]) -> bool {
+    let count = |id: u32| elements_of(id..id + 1, first_elements).len();
+    let mut pairs = facet.patch_range(false).zip(facet.patch_range(true));
+    !facet.double_sided() || pairs.all(|(front, back)| count(front) == count(back))
 }
 
-fn element_tile(facet: &Facet, k: u32) -> super::Tile {
-    let per_patch = facet.elements_per_patch();
-    let inner = super::Tile::of(facet.layout(), facet.elements.map(u32::from), k % per_patch);
-    facet.patch_tile(k / per_patch).compose(inner)
+/// The sides of a facet that have colours of their own.
+fn coloured_sides(facet: &Facet) -> impl Iterator<Item = bool> + use<> {
+    facet.sides().take(if facet.colours[0] == facet.colours[1] { 1 } else { 2 })
+}
+
+/// The facet's tiles of the elements that have colours of their own, in the order of the colours.
+fn coloured_tiles<'a>(facet: &'a Facet, first_elements: &'a [u32]) -> impl Iterator<Item = Tile> + 'a {
+    let layout = facet.layout();
+    coloured_sides(facet).flat_map(move |back| (0..).zip(facet.patch_range(back))).flat_map(move |(k, id)| {
+        let (tile, count) = (facet.patch_tile(k), elements_of(id..id + 1, first_elements).len() as u32);
+        let grid = facet.element_grid(count);
+        (0..count).map(move |element| tile.compose(Tile::of(layout, grid, element)))
+    })
 }
 
 /// A value given at a facet's corners, at parameters `at`.
-pub fn interpolate<T>(facet: &Facet, values: [T; 4], at: DVec2) -> T
+fn interpolate<T>(facet: &Facet, values: [T; 4], at: DVec2) -> T
 where
     T: Copy + std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>,
 {
@@ -149,15 +162,20 @@ where
 /// Averages of a texture over the elements of a facet: linear RGB weighted by alpha if `weighted`, and alpha.
 fn averages(
     facet: &Facet,
+    first_elements: &[u32],
     uv: [[f32; 2]; 4],
     texture: &Texture,
     image: &TextureImage,
     weighted: bool,
 ) -> Vec<[f32; 4]> {
-    (0..facet.element_count())
-        .map(|k| {
-            let (corners, n) = element_corners(facet, k);
-            let corners = corners.map(|at| interpolate(facet, uv.map(Vec2::from), at).to_array());
+    let parameters = Frame::corner_parameters(facet.layout());
+    let n = parameters.len();
+    coloured_tiles(facet, first_elements)
+        .map(|tile| {
+            let mut corners = [[0.0; 2]; 4];
+            for (corner, &p) in corners.iter_mut().zip(parameters) {
+                *corner = interpolate(facet, uv.map(Vec2::from), tile.at(p)).to_array();
+            }
             if weighted {
                 image.average_weighted(&corners[..n], texture.wrap)
             } else {
@@ -195,7 +213,8 @@ fn multiply(
         };
         mesh.occluder.cutout[surface] = Some(bitmap as u32);
     }
-    let (facets, base_uv): (&[Facet], &[_]) = (&mesh.facets, &mesh.base_uv);
+    let (facets, first_elements, base_uv): (&[Facet], &[u32], &[_]) =
+        (&mesh.facets, &mesh.first_elements, &mesh.base_uv);
     let average = |facet: &Facet| {
         let material = materials[facet.surface as usize];
         let texture = texture(material)?;
@@ -208,14 +227,14 @@ fn multiply(
         };
         let uv = *base_uv.get(facet.base_uv as usize)?;
         let weighted = material.alpha != Alpha::Opaque;
-        Some(averages(facet, uv, &texture, cut.unwrap_or(image), weighted))
+        Some(averages(facet, first_elements, uv, &texture, cut.unwrap_or(image), weighted))
     };
     for (start, part) in (0u32..).step_by(FACETS_AT_ONCE).zip(facets.chunks(FACETS_AT_ONCE)) {
         let found: Vec<Option<Vec<[f32; 4]>>> = part.par_iter().map(average).collect();
         for ((f, facet), values) in (start..).zip(part).zip(found) {
             let Some(values) = values else { continue };
             let material = materials[facet.surface as usize];
-            let first = facet.colour as usize;
+            let first = facet.colours[0] as usize;
             let mut covered = 0.0;
             for (colour, value) in mesh.colours[first..first + values.len()].iter_mut().zip(&values) {
                 (0..3).for_each(|c| colour.reflectance[c] *= value[c]);
@@ -252,8 +271,8 @@ fn multiply_emission(mesh: &mut Mesh, scene: &Scene, image: &TextureImage, numbe
         let material = &scene.materials[scene.surfaces[facet.surface as usize].material as usize];
         let Some(texture) = material.emission_texture.filter(|t| t.image as usize == number) else { continue };
         let Some(&uv) = mesh.emission_uv.get(facet.emission_uv as usize) else { continue };
-        let first = facet.colour as usize;
-        for (k, value) in averages(facet, uv, &texture, image, false).iter().enumerate() {
+        let first = facet.colours[0] as usize;
+        for (k, value) in averages(facet, &mesh.first_elements, uv, &texture, image, false).iter().enumerate() {
             (0..3).for_each(|c| mesh.colours[first + k].exitance[c] *= value[c]);
         }
     }
@@ -275,9 +294,10 @@ fn limit(mesh: &mut Mesh, scene: &Scene) {
         }
     }
     for facet in &mesh.facets {
-        if facet.colour != NONE {
-            let first = facet.colour as usize;
-            let colours = &mut mesh.colours[first..first + facet.element_count() as usize];
+        if facet.colours[0] != NONE {
+            let of_side = |back| elements_of(facet.patch_range(back), &mesh.first_elements).len();
+            let first = facet.colours[0] as usize;
+            let colours = &mut mesh.colours[first..first + coloured_sides(facet).map(of_side).sum::<usize>()];
             let count = colours.iter_mut().filter_map(|c| lower(c).then_some(())).count() as u64;
             let place = scene.surfaces[facet.surface as usize].place.clone();
             mesh.warnings.add_many("texture-reflectance-lowered", LOWERED, place, count);

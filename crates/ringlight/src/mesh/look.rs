@@ -175,7 +175,7 @@ pub(super) fn faces(mesh: &Mesh, patch: u32, other: u32) -> bool {
 /// Which of two facets that lie in each other has the light: the smaller key. Lamps come before others, small facets before
 /// large ones.
 fn precedence(mesh: &Mesh, number: u32, facet: &Facet) -> (bool, u64, u32) {
-    let colour = match facet.colour {
+    let colour = match facet.colours[0] {
         NONE => mesh.surface_colours[facet.surface as usize],
         first => mesh.colours[first as usize],
     };

@@ -1,19 +1,22 @@
 //! Surface → patches → elements → sample points, clusters, plane ids.
 //!
 //! Input triangles are paired into planar convex quadrilaterals where they can be; these *facets* are stored. A facet is
-//! cut on a regular grid into patches, a patch on a regular grid into elements: both are computed from the facet when
-//! needed. Facets are ordered so that neighbours in space and direction follow each other; a *cluster* is a run of
+//! cut on a regular grid into patches, a patch on a regular grid into elements, finer where it is refined: both are computed
+//! from the facet when needed. Facets are ordered so that neighbours in space and direction follow each other; a *cluster* is a run of
 //! patches, formed from the scene alone.
 
 mod build;
+mod check;
 mod cluster;
 mod colour;
+mod facet;
 mod frame;
 mod inquiry;
 mod look;
 mod occluders;
 mod pairing;
 mod plane;
+mod refine;
 mod shared;
 mod size;
 #[cfg(test)]
@@ -23,6 +26,7 @@ pub mod walk;
 
 pub use build::{MeshOptions, build};
 pub use colour::Colour;
+pub use facet::Facet;
 pub use frame::{Frame, Tile};
 pub use inquiry::{Answer, Inquiry, Mailbox, Question, at_once};
 pub use look::{LookAbout, View};
@@ -34,9 +38,8 @@ pub use validity::{find_valid_samples, is_hidden_beside, look_about, look_outs, 
 
 use crate::column::Column;
 use crate::scene::Warnings;
-use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
-use ringlight_visibility::{Hit, Layout, Ray};
+use ringlight_visibility::{Hit, Ray};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -45,40 +48,6 @@ pub const NONE: u32 = u32::MAX;
 
 /// All sixteen samples of an element are valid.
 pub const ALL_VALID: u16 = u16::MAX;
-
-/// A flat triangle or convex quadrilateral of the input; cut into patches on a grid.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Facet {
-    /// Corners, metres, relative to [`Mesh::origin`], counter-clockwise seen from the front; a triangle repeats corner 0
-    /// as corner 3.
-    pub corners: [Vec3; 4],
-    /// Index into the scene's surfaces.
-    pub surface: u32,
-    /// Plane id; coplanar facets share it.
-    pub plane: u32,
-    /// First patch of the front; the back's patches start at `first_back_patch`, or [`NONE`] if the back is unlit.
-    pub first_patch: u32,
-    /// First patch of the back, or [`NONE`].
-    pub first_back_patch: u32,
-    /// First element of the front.
-    pub first_element: u32,
-    /// First element of the back, or [`NONE`].
-    pub first_back_element: u32,
-    /// Index into [`Mesh::base_uv`], [`Mesh::emission_uv`] and [`Mesh::colours`], or [`NONE`].
-    pub base_uv: u32,
-    /// Index into [`Mesh::emission_uv`], or [`NONE`].
-    pub emission_uv: u32,
-    /// Index into [`Mesh::vertex_colours`], or [`NONE`].
-    pub vertex_colour: u32,
-    /// Index of the colours of this facet's elements in [`Mesh::colours`], shared by both sides, or [`NONE`] if all of
-    /// them have the surface's colour [`Mesh::surface_colours`].
-    pub colour: u32,
-    /// Columns and rows of patches.
-    pub patches: [u16; 2],
-    /// Columns and rows of elements in a patch.
-    pub elements: [u16; 2],
-}
 
 /// Discretised surfaces of a scene.
 #[derive(Clone, Debug, Default)]
@@ -93,6 +62,8 @@ pub struct Mesh {
     pub facets: Column<Facet>,
     /// For each patch: twice its facet, plus 1 for the back.
     pub patch_facets: Column<u32>,
+    /// For each patch its first element, and at the end the number of elements.
+    pub first_elements: Column<u32>,
     /// Clusters in order.
     pub clusters: Vec<Cluster>,
     /// Base texture coordinates of the corners of textured facets.
@@ -153,87 +124,6 @@ pub struct Patch {
     pub grid: [u32; 2],
 }
 
-impl Facet {
-    /// Quadrilateral or triangle.
-    pub fn layout(&self) -> Layout {
-        if self.corners[3] == self.corners[0] { Layout::Triangle } else { Layout::Quad }
-    }
-
-    /// Triangles that it is made of: one, or two.
-    pub fn triangle_count(&self) -> u64 {
-        if self.layout() == Layout::Triangle { 1 } else { 2 }
-    }
-
-    /// Geometry.
-    pub fn frame(&self) -> Frame {
-        let corners = self.corners.map(|c| c.as_dvec3());
-        match self.layout() {
-            Layout::Quad => Frame::from_corners(&corners),
-            Layout::Triangle => Frame::from_corners(&corners[..3]),
-        }
-    }
-
-    /// Number of patches of one side.
-    pub fn patch_count(&self) -> u32 {
-        u32::from(self.patches[0]) * u32::from(self.patches[1])
-    }
-
-    /// Number of elements of one patch.
-    pub fn elements_per_patch(&self) -> u32 {
-        u32::from(self.elements[0]) * u32::from(self.elements[1])
-    }
-
-    /// Number of elements of one side.
-    pub fn element_count(&self) -> u32 {
-        self.patch_count() * self.elements_per_patch()
-    }
-
-    /// Whether both sides are lit.
-    pub fn double_sided(&self) -> bool {
-        self.first_back_patch != NONE
-    }
-
-    /// Tile of patch `k` (0 is the side's first).
-    pub fn patch_tile(&self, k: u32) -> Tile {
-        let grid = self.patches.map(u32::from);
-        Tile::of(self.layout(), grid, storage_to_grid(self.layout(), grid, k))
-    }
-
-    /// The element number (0 is the side's first) at facet parameters `at`, and the parameters within the element.
-    pub fn find_element(&self, at: DVec2) -> (u32, DVec2) {
-        let grid = self.patches.map(u32::from);
-        let (tile, within) = Tile::find(self.layout(), grid, at);
-        let patch = grid_to_storage(self.layout(), grid, tile);
-        let (element, within) = Tile::find(self.layout(), self.elements.map(u32::from), within);
-        (patch * self.elements_per_patch() + element, within)
-    }
-}
-
-/// Columns of patches that are stored together: keeps runs of patches compact.
-const BLOCK: u32 = 4;
-
-/// Patches of a quadrilateral are stored in blocks of [`BLOCK`] columns, row by row: place in store → place in grid.
-fn storage_to_grid(layout: Layout, grid: [u32; 2], k: u32) -> u32 {
-    if layout == Layout::Triangle {
-        return k;
-    }
-    let first = k / (BLOCK * grid[1]) * BLOCK;
-    let width = BLOCK.min(grid[0] - first);
-    let rest = k - first * grid[1];
-    rest / width * grid[0] + first + rest % width
-}
-
-/// The inverse of [`storage_to_grid`].
-fn grid_to_storage(layout: Layout, grid: [u32; 2], k: u32) -> u32 {
-    if layout == Layout::Triangle {
-        return k;
-    }
-    let (column, row) = (k % grid[0], k / grid[0]);
-    let first = column / BLOCK * BLOCK;
-    let width = BLOCK.min(grid[0] - first);
-    first * grid[1] + row * width + column - first
-}
-
 impl Mesh {
     /// Number of patches.
     pub fn patch_count(&self) -> usize {
@@ -247,13 +137,14 @@ impl Mesh {
 
     /// Patch `id`.
     pub fn patch(&self, id: u32) -> Patch {
-        let (number, back, index, elements) = self.place_of(id);
+        let (number, back) = self.side_of(id);
         let facet = &self.facets[number as usize];
-        let tile = facet.patch_tile(index);
+        let tile = facet.patch_tile(id - facet.patch_range(back).start);
         let frame = facet.frame().tile(tile);
         let area_vector = frame.area_vector();
         let area = area_vector.length();
         let normal = area_vector / area;
+        let elements = self.elements_of(id);
         Patch {
             id,
             facet: number,
@@ -264,38 +155,61 @@ impl Mesh {
             area,
             plane: facet.plane,
             first_element: elements.start,
-            grid: facet.elements.map(u32::from),
+            grid: facet.element_grid(elements.len() as u32),
         }
+    }
+
+    /// The facet of patch `id`, and whether it is on the facet's back.
+    pub fn side_of(&self, id: u32) -> (u32, bool) {
+        let code = self.patch_facets[id as usize];
+        (code >> 1, code & 1 == 1)
     }
 
     /// Elements of patch `id`: those of [`Patch::elements`], without its geometry.
     pub fn elements_of(&self, id: u32) -> Range<u32> {
-        self.place_of(id).3
+        self.first_elements[id as usize]..self.first_elements[id as usize + 1]
     }
 
-    /// The facet of patch `id`, whether it is on the facet's back, its number there, and its elements.
-    fn place_of(&self, id: u32) -> (u32, bool, u32, Range<u32>) {
-        let code = self.patch_facets[id as usize];
-        let (number, back) = (code >> 1, code & 1 == 1);
-        let facet = &self.facets[number as usize];
-        let (first_patch, first_element) = if back {
-            (facet.first_back_patch, facet.first_back_element)
-        } else {
-            (facet.first_patch, facet.first_element)
-        };
-        let (index, count) = (id - first_patch, facet.elements_per_patch());
-        let first = first_element + index * count;
-        (number, back, index, first..first + count)
+    /// Elements of a lit side of a facet.
+    pub fn side_elements(&self, facet: &Facet, back: bool) -> Range<u32> {
+        let Range { start, end } = facet.patch_range(back);
+        self.first_elements[start as usize]..self.first_elements[end as usize]
+    }
+
+    /// The patch that holds an element.
+    pub fn patch_of(&self, element: u32) -> u32 {
+        self.first_elements.partition_point(|&first| first <= element) as u32 - 1
+    }
+
+    /// Into how many parts each side of an unrefined element of patch `id` is cut: 1 where the patch is not refined.
+    pub fn subdivision(&self, id: u32) -> u32 {
+        self.facets[self.side_of(id).0 as usize].subdivision(self.elements_of(id).len() as u32)
+    }
+
+    /// The subdivision of all patches of a lit side, if it is the same.
+    pub fn common_subdivision(&self, facet: &Facet, back: bool) -> Option<u32> {
+        let patches = facet.patch_range(back);
+        let count = |id: u32| self.elements_of(id).len();
+        patches.clone().all(|id| count(id) == count(patches.start)).then(|| self.subdivision(patches.start))
+    }
+
+    /// The patch and the element at parameters `at` of a lit side of a facet, and the parameters within the element.
+    pub fn find_element(&self, facet: &Facet, back: bool, at: DVec2) -> (u32, u32, DVec2) {
+        let (place, within) = Tile::find(facet.layout(), facet.patches.map(u32::from), at);
+        let patch = facet.patch_at(back, place);
+        let elements = self.elements_of(patch);
+        let (element, within) = Tile::find(facet.layout(), facet.element_grid(elements.len() as u32), within);
+        (patch, elements.start + element, within)
     }
 
     /// Colour of element `element` of `patch`.
     pub fn colour(&self, patch: &Patch, element: u32) -> Colour {
         let facet = &self.facets[patch.facet as usize];
-        if facet.colour == NONE {
+        let first = facet.colours[usize::from(patch.back)];
+        if first == NONE {
             return self.surface_colours[facet.surface as usize];
         }
-        let first = if patch.back { facet.first_back_element } else { facet.first_element };
-        self.colours[(facet.colour + (element - first)) as usize]
+        self.colours[(first + (element - self.side_elements(facet, patch.back).start)) as usize]
     }
 
     /// Share of element `element` that lies free of other geometry.
@@ -303,64 +217,13 @@ impl Mesh {
         f64::from(self.valid[element as usize].count_ones()) / 16.0
     }
 
-    /// Whether all numbers refer to something that is there; for meshes read from files.
-    pub fn check(&self) -> Result<(), String> {
-        let within = |index: u32, len: usize| index == NONE || (index as usize) < len;
-        let mut elements = 0u64;
-        for (f, facet) in self.facets.iter().enumerate() {
-            let count = |n: [u16; 2]| u64::from(n[0]) * u64::from(n[1]);
-            let sides = if facet.double_sided() { 2 } else { 1 };
-            let one = count(facet.patches) * count(facet.elements);
-            elements += one * sides;
-            let colours_end = u64::from(facet.colour) + one;
-            let fine = one > 0
-                && (facet.surface as usize) < self.surface_colours.len()
-                && within(facet.base_uv, self.base_uv.len())
-                && within(facet.emission_uv, self.emission_uv.len())
-                && within(facet.vertex_colour, self.vertex_colours.len())
-                && (facet.colour == NONE || colours_end <= self.colours.len() as u64)
-                && facet.corners.iter().all(|c| c.is_finite());
-            if !fine {
-                return Err(format!("facet {f} refers to what is not there"));
-            }
-        }
-        let runs = self
-            .clusters
-            .windows(2)
-            .all(|w| w[0].patches.end == w[1].patches.start && w[0].elements.end == w[1].elements.start);
-        let ends = self.clusters.first().zip(self.clusters.last()).is_some_and(|(a, b)| {
-            (a.patches.start, a.elements.start) == (0, 0)
-                && b.patches.end as usize == self.patch_facets.len()
-                && b.elements.end as usize == self.valid.len()
-        });
-        let ordered =
-            self.clusters.iter().all(|c| c.patches.start < c.patches.end && c.elements.start < c.elements.end);
-        if !(runs && ends && ordered) || elements != self.valid.len() as u64 {
-            return Err("clusters do not cover the elements".into());
-        }
-        let total = self.valid.len() as u64;
-        let belongs = |(id, &code): (usize, &u32)| {
-            let Some(facet) = self.facets.get((code >> 1) as usize) else { return false };
-            let (patch, element) = match code & 1 {
-                0 => (facet.first_patch, facet.first_element),
-                _ => (facet.first_back_patch, facet.first_back_element),
-            };
-            let last = u64::from(element) + u64::from(facet.element_count());
-            (id as u64).checked_sub(patch.into()).is_some_and(|k| k < facet.patch_count().into()) && last <= total
-        };
-        if !self.patch_facets.iter().enumerate().all(belongs) {
-            return Err("a patch refers to a facet that is not there".into());
-        }
-        Ok(())
-    }
-
     /// The element that a ray hits; none if it hits an unlit back.
     pub fn element_at(&self, ray: &Ray, hit: Hit) -> Option<u32> {
         let facet = &self.facets[(hit.triangle >> 1) as usize];
-        let first = if hit.front { facet.first_element } else { facet.first_back_element };
         let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
         let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
-        (first != NONE).then(|| first + facet.find_element(at.clamp(DVec2::ZERO, DVec2::ONE)).0)
+        let lit = hit.front || facet.double_sided();
+        lit.then(|| self.find_element(facet, !hit.front, at.clamp(DVec2::ZERO, DVec2::ONE)).1)
     }
 
     /// The cluster that holds patch `id`.

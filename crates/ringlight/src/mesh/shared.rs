@@ -22,7 +22,7 @@ use std::sync::Arc;
 const LINE: usize = 64;
 
 /// Columns of a mesh.
-const COLUMNS: usize = 11;
+const COLUMNS: usize = 12;
 
 #[derive(Serialize, Deserialize)]
 struct Header {
@@ -62,6 +62,7 @@ impl Mesh {
         let columns: [&[u8]; COLUMNS] = [
             cast_slice(&self.facets),
             cast_slice(&self.patch_facets),
+            cast_slice(&self.first_elements),
             cast_slice(&clusters),
             cast_slice(&self.base_uv),
             cast_slice(&self.emission_uv),
@@ -101,8 +102,8 @@ impl Mesh {
             end = start.saturating_add(length);
             start..end
         });
-        let [facets, patch_facets, clusters, base_uv, emission_uv, vertex_colours, rest @ ..] = parts;
-        let [colours, surface_colours, valid, facet_coverage, bits] = rest;
+        let [facets, patch_facets, first_elements, clusters, base_uv, emission_uv, rest @ ..] = parts;
+        let [vertex_colours, colours, surface_colours, valid, facet_coverage, bits] = rest;
         let cluster = |c: &PlainCluster| Cluster {
             patches: c.patches[0]..c.patches[1],
             elements: c.elements[0]..c.elements[1],
@@ -124,6 +125,7 @@ impl Mesh {
             sizes: header.sizes,
             facets: column(bytes, facets)?,
             patch_facets: column(bytes, patch_facets)?,
+            first_elements: column(bytes, first_elements)?,
             clusters: column::<PlainCluster>(bytes, clusters)?.iter().map(cluster).collect(),
             base_uv: column(bytes, base_uv)?,
             emission_uv: column(bytes, emission_uv)?,

@@ -31,9 +31,25 @@ pub fn read(obj: &str) -> Scene {
 
 /// Solves a scene with elements of `element` metres and patches four times as large, as far as `until`.
 pub fn solve(scene: Scene, element: f64, until: f64) -> Solution {
-    let options =
-        MeshOptions { patch_size: Some(4.0 * element), element_size: Some(element), ..MeshOptions::default() };
-    let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
+    solve_refined(scene, [4.0 * element, element], until, |_| 1)
+}
+
+/// Subdivisions of patches, of `choices`, here and there.
+pub fn mixed<const N: usize>(choices: [u8; N]) -> impl Fn(u32) -> u8 {
+    move |patch| choices[(patch.wrapping_mul(0x9e37_79b9) >> 8) as usize % N]
+}
+
+/// Solves a scene with patches and elements of these sizes, metres, as far as `until`; the elements of each patch are refined.
+pub fn solve_refined(
+    scene: Scene,
+    [patch, element]: [f64; 2],
+    until: f64,
+    subdivision: impl Fn(u32) -> u8,
+) -> Solution {
+    let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
+    let mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
+    let subdivisions: Vec<u8> = (0..mesh.patch_count() as u32).map(subdivision).collect();
+    let mut mesh = mesh.refined(&scene, &subdivisions, Store::Heap).unwrap();
     let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     let settings =

@@ -21,7 +21,8 @@ pub use exposure::Exposure;
 pub use factors::{FactorForm, FactorValue, FactorWriter};
 pub use gltf::{LitOptions, LitReport, check_glb, write_glb, write_gltf};
 pub use picture::{
-    FalseColour, Picture, PictureOptions, Scale, Tone, Unit, grid_picture, render, write_exr, write_png,
+    Drawn, FalseColour, Picture, PictureLoad, PictureOptions, Scale, Split, Tone, Unit, grid_picture, render,
+    write_exr, write_png,
 };
 pub use table::write_table;
 pub use vtu::write_vtu;

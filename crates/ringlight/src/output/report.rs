@@ -1,6 +1,7 @@
 //! The JSON report of a run. Modules own their parts ([`Energy`], [`Progress`], [`Warnings`]); this nests them. The library
 //! reads no clock: seconds and memory are passed in.
 
+use super::picture::{Drawn, PictureLoad, max_over_mean};
 use crate::mesh::Mesh;
 use crate::ring::Window;
 use crate::scene::Warnings;
@@ -43,6 +44,8 @@ pub struct Report {
     pub solution_digest: String,
     /// One entry for each rank.
     pub ranks: Vec<RankReport>,
+    /// How the picture was drawn, if there was one.
+    pub picture: Option<PictureReport>,
     /// How the load was balanced between the members of the first ring, window by window.
     pub balance: Vec<WindowReport>,
 }
@@ -200,6 +203,69 @@ impl WindowReport {
             fastest_over_slowest: window.balance,
             rank_correlation: window.correlation,
             pieces_moved: window.moved,
+        }
+    }
+}
+
+/// Name and version of the form of [`RenderReport`].
+pub const RENDER_SCHEMA: &str = "ringlight-render-report-1";
+
+/// What was drawn of a solution.
+#[derive(Clone, Debug, Serialize)]
+pub struct RenderReport {
+    /// [`RENDER_SCHEMA`].
+    pub schema: &'static str,
+    /// Version of the program.
+    pub version: &'static str,
+    /// The command line.
+    pub command: Vec<String>,
+    /// How the picture was drawn, if there was one.
+    pub picture: Option<PictureReport>,
+}
+
+/// How a picture was drawn.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PictureReport {
+    /// Width, pixels.
+    pub width: u32,
+    /// Height, pixels.
+    pub height: u32,
+    /// How it was divided among ranks: `tiles` or `scanlines`.
+    pub split: &'static str,
+    /// By how much the rank that had most exceeds the mean.
+    pub max_over_mean: PictureBalance,
+    /// What each rank did.
+    pub ranks: Vec<PictureLoad>,
+}
+
+/// For a picture, the largest load of a rank over the mean of all.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PictureBalance {
+    /// Of pixels.
+    pub pixels: f64,
+    /// Of rays of sight.
+    pub rays: f64,
+    /// Of nodes and triangles looked at.
+    pub searched: f64,
+    /// Of the memory of light between sample points.
+    pub light_bytes: f64,
+}
+
+impl PictureReport {
+    /// Of what was drawn.
+    pub fn new(drawn: &Drawn) -> PictureReport {
+        let Drawn { picture, split, loads } = drawn;
+        PictureReport {
+            width: picture.width,
+            height: picture.height,
+            split: split.name(),
+            max_over_mean: PictureBalance {
+                pixels: max_over_mean(loads, |load| load.pixels),
+                rays: max_over_mean(loads, |load| load.rays),
+                searched: max_over_mean(loads, |load| load.searched),
+                light_bytes: max_over_mean(loads, |load| load.light_bytes),
+            },
+            ranks: loads.clone(),
         }
     }
 }

@@ -24,7 +24,7 @@ pub fn solved(obj: &str, element_size: f64) -> Solution {
 /// The picture of a rank that is alone.
 pub fn draw(solution: &Solution, options: &PictureOptions) -> Picture {
     let (mut ring, mut ranks) = fixture::alone(solution);
-    render(solution, options, &mut ring, &mut ranks).unwrap().unwrap()
+    render(solution, options, &mut ring, &mut ranks).unwrap().unwrap().picture
 }
 
 /// The automatic view of a rank that is alone.

@@ -34,18 +34,14 @@ pub fn seen(mesh: &Mesh, ray: &Ray, hit: Hit) -> Seen {
     let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
     let facet = &mesh.facets[(hit.triangle >> 1) as usize];
     let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
-    let (k, within) = facet.find_element(at.clamp(DVec2::ZERO, DVec2::ONE));
-    let (first_patch, first_element) = if facet.double_sided() && !hit.front {
-        (facet.first_back_patch, facet.first_back_element)
-    } else {
-        (facet.first_patch, facet.first_element)
-    };
+    let back = facet.double_sided() && !hit.front;
+    let (patch, element, within) = mesh.find_element(facet, back, at.clamp(DVec2::ZERO, DVec2::ONE));
     let [b, c] = hit.barycentric;
     Seen {
         distance: hit.distance,
         facet: hit.triangle >> 1,
-        patch: first_patch + k / facet.elements_per_patch(),
-        element: first_element + k,
+        patch,
+        element,
         within: within.clamp(DVec2::ZERO, DVec2::ONE),
         corners: if hit.triangle & 1 == 0 { [0, 1, 2] } else { [0, 2, 3] },
         weights: [1.0 - b - c, b, c],

@@ -36,7 +36,7 @@ struct Row<'a> {
 /// `object` is the surface's name; x, y, z the sample point in world coordinates, metres (the middle of an element that is
 /// covered altogether); nx, ny, nz the normal of the lit side; `area` in m²; `e_*` the irradiance at the point and `b_*` the
 /// radiosity, W/m² or lux; `e` the photometric sum of the irradiance; `valid` the share of the element that lies free of
-/// other geometry; `level` how often the element was halved.
+/// other geometry; `level` how often its patch's elements were halved (log₂ of their subdivision, rounded).
 pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
     let mesh = &solution.mesh;
     let mut table = csv::Writer::from_writer(out);
@@ -44,6 +44,8 @@ pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
         let patch = mesh.patch(id);
         let surface = mesh.facets[patch.facet as usize].surface;
         let object = solution.description.surfaces.get(surface as usize).map_or("", |s| &s.name);
+        // Twice the logarithm is the square's, so rounding is exact.
+        let level = mesh.subdivision(id).pow(2).ilog2().div_ceil(2);
         let [nx, ny, nz] = patch.normal.as_vec3().to_array();
         for (k, element) in patch.elements().enumerate() {
             let [x, y, z] = mesh.to_world(sample_point(&patch, k as u32, mesh.valid[element as usize])).to_array();
@@ -68,7 +70,7 @@ pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
                 b_b,
                 e: photometric([e_r, e_g, e_b]),
                 valid: mesh.valid_share(element) as f32,
-                level: 0,
+                level,
             };
             table.serialize(row).map_err(io::Error::other)?;
         }
@@ -84,7 +86,7 @@ fn sample_point(patch: &Patch, k: u32, valid: u16) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::scenes;
+    use super::super::{fixture, scenes};
     use super::write_table;
 
     fn table(obj: &str) -> String {
@@ -101,6 +103,25 @@ mod tests {
         let header = "element,patch,object,x,y,z,nx,ny,nz,area,e_r,e_g,e_b,b_r,b_g,b_b,e,valid,level";
         assert_eq!(lines.next(), Some(header));
         assert_eq!(lines.count(), solution.mesh.element_count());
+    }
+
+    #[test]
+    fn levels_count_halvings() {
+        let levels = |subdivision: u8| {
+            let scene = fixture::read(scenes::LAMP_OVER_FLOOR);
+            let solution =
+                fixture::solve_refined(scene, [2.0, 1.0], 1.0, |patch| if patch < 2 { 1 } else { subdivision });
+            let mut bytes = Vec::new();
+            write_table(&solution, &mut bytes).unwrap();
+            let mut reader = csv::Reader::from_reader(bytes.as_slice());
+            let mut levels: Vec<u32> = reader.records().map(|row| row.unwrap()[18].parse().unwrap()).collect();
+            levels.dedup();
+            levels
+        };
+        for (subdivision, level) in [(2, 1), (3, 2), (4, 2), (5, 2), (6, 3), (11, 3), (12, 4)] {
+            assert_eq!(levels(subdivision), [0, level], "{subdivision}");
+        }
+        assert_eq!(levels(1), [0]);
     }
 
     #[test]

@@ -49,8 +49,8 @@ pub fn write_vtu(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
         .facets
         .iter()
         .map(|f| {
-            let sides = if f.double_sided() { 2 } else { 1 };
-            sides * u64::from(f.element_count()) * corner_count(f.layout())
+            let elements = f.sides().map(|back| solution.mesh.side_elements(f, back).len() as u64).sum::<u64>();
+            elements * corner_count(f.layout())
         })
         .sum();
     let arrays = arrays(cells, points);

@@ -81,7 +81,7 @@ impl Counts {
     /// Bytes of the mesh.
     pub fn mesh_bytes(&self) -> u64 {
         self.facets * size::<Facet>()
-            + self.patches * size::<u32>()
+            + (2 * self.patches + 1) * size::<u32>()
             + self.elements * size::<u16>()
             + self.clusters * size::<Cluster>()
             + self.painted

@@ -207,11 +207,13 @@ fn direction(solution: &Solution, sides: &[Side]) -> Option<DVec3> {
 
 /// Power that a side receives, summed over channels.
 fn received(solution: &Solution, side: &Side) -> f64 {
-    let facet = &solution.mesh.facets[side.facet as usize];
-    let first = if side.back { facet.first_back_element } else { facet.first_element };
-    let area = facet.frame().area_vector().length() / f64::from(facet.element_count());
+    let mesh = &solution.mesh;
     let light = |e: u32| solution.irradiance(e).iter().map(|&x| f64::from(x)).sum::<f64>();
-    (first..first + facet.element_count()).map(light).sum::<f64>() * area
+    let of_patch = |id: u32| {
+        let patch = mesh.patch(id);
+        patch.elements().map(light).sum::<f64>() * patch.area / f64::from(patch.element_count())
+    };
+    mesh.facets[side.facet as usize].patch_range(side.back).map(of_patch).sum()
 }
 
 /// Height along `up` at which the line from `foot` meets a side, and the side's normal.

@@ -210,16 +210,11 @@ impl<'a> Surroundings<'a> {
     /// The place on a facet's side that is nearest to `point`.
     pub fn spot(&self, facet: &Facet, back: bool, point: DVec3) -> Spot {
         let at = facet.frame().parameters(point).clamp(DVec2::ZERO, DVec2::ONE);
-        let (k, within) = facet.find_element(at);
+        let (patch, element, within) = self.mesh().find_element(facet, back, at);
         let within = within.clamp(DVec2::ZERO, DVec2::ONE);
-        let (patch, element) = match back {
-            true => (facet.first_back_patch, facet.first_back_element),
-            false => (facet.first_patch, facet.first_element),
-        };
-        let element = element + k;
         let sample = Tile::find(facet.layout(), [4, 4], within).0;
         let covered = self.mesh().valid[element as usize] >> sample & 1 == 0;
-        Spot { element, patch: patch + k / facet.elements_per_patch(), within, covered }
+        Spot { element, patch, within, covered }
     }
 }
 

@@ -39,7 +39,7 @@ pub enum Kind {
     Piece(Piece),
 }
 
-/// A part of a facet's side that is a regular grid of elements.
+/// A part of a facet's side: one patch of it or a part of that, or some columns and rows of patches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     /// Number of the facet.
@@ -48,7 +48,7 @@ pub struct Piece {
     pub back: bool,
     /// Its tile of the facet.
     pub tile: Tile,
-    /// Columns and rows of elements in it; equal for triangles.
+    /// Columns and rows of elements in it, as if all were as fine as the side's finest; equal for triangles.
     pub grid: [u32; 2],
     /// The element, if it is one.
     pub element: Option<u32>,
@@ -98,8 +98,12 @@ impl ShooterTree {
         if let [Item { side: (facet, back), .. }] = *items {
             let whole = Tile { origin: DVec2::ZERO, size: DVec2::ONE };
             let of = &mesh.facets[facet as usize];
-            let grid = [0, 1].map(|i| u32::from(of.patches[i]) * u32::from(of.elements[i]));
-            return self.piece(mesh, number, of, Piece { facet, back, tile: whole, grid, element: None });
+            // Where patches are cut differently, the grid is that of the finest, and pieces end at patches until they are one.
+            let finest = of.patch_range(back).map(|id| mesh.subdivision(id)).max().unwrap_or(1);
+            let in_patch = of.elements.map(|n| u32::from(n) * finest);
+            let grid = [0, 1].map(|i| u32::from(of.patches[i]) * in_patch[i]);
+            let step = if mesh.common_subdivision(of, back).is_some() { [1, 1] } else { in_patch };
+            return self.piece(mesh, number, of, Piece { facet, back, tile: whole, grid, element: None }, step);
         }
         let extent = |i: usize| {
             let none = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -131,26 +135,28 @@ impl ShooterTree {
         }
     }
 
-    /// Makes node `number` of a piece.
-    fn piece(&mut self, mesh: &Mesh, number: usize, facet: &Facet, piece: Piece) {
-        let layout = facet.layout();
+    /// Makes node `number` of a piece that is cut at every `step` columns and rows of its grid: at elements, or at patches.
+    fn piece(&mut self, mesh: &Mesh, number: usize, facet: &Facet, piece: Piece, step: [u32; 2]) {
+        if piece.grid == step && step != [1, 1] {
+            let patch = mesh.find_element(facet, piece.back, piece.tile.at(Frame::middle(facet.layout()))).0;
+            let grid = facet.element_grid(mesh.elements_of(patch).len() as u32);
+            return self.piece(mesh, number, facet, Piece { grid, ..piece }, [1, 1]);
+        }
         if piece.grid == [1, 1] {
             return self.element(mesh, number, facet, piece);
         }
-        let parts = parts(&facet.frame(), &piece);
+        let parts = parts(&facet.frame(), &piece, step);
         let first = self.nodes.len();
         self.nodes.resize_with(first + parts.len(), placeholder);
         for (i, part) in parts.iter().enumerate() {
-            self.piece(mesh, first + i, facet, *part);
+            self.piece(mesh, first + i, facet, *part, step);
         }
-        debug_assert!(layout == Layout::Quad || piece.grid[0] == piece.grid[1]);
+        debug_assert!(facet.layout() == Layout::Quad || piece.grid[0] == piece.grid[1]);
         self.join(number, first as u32..(first + parts.len()) as u32, Kind::Piece(piece));
     }
 
     fn element(&mut self, mesh: &Mesh, number: usize, facet: &Facet, piece: Piece) {
-        let middle = piece.tile.at(Frame::middle(facet.layout()));
-        let first = if piece.back { facet.first_back_element } else { facet.first_element };
-        let element = first + facet.find_element(middle).0;
+        let (element, _) = piece.find_element(mesh, Frame::middle(facet.layout()));
         let frame = facet.frame().tile(piece.tile);
         let (corners, count) = frame.corners();
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -189,11 +195,12 @@ impl ShooterTree {
 
 /// Whether some element of a facet's side emits.
 fn emits(mesh: &Mesh, facet: &Facet, back: bool) -> bool {
-    let first = if back { facet.first_back_patch } else { facet.first_patch };
-    let patches = (first..first + facet.patch_count()).map(|id| mesh.patch(id));
-    match facet.colour {
+    match facet.colours[usize::from(back)] {
         NONE => mesh.surface_colours[facet.surface as usize].emits(),
-        _ => patches.into_iter().any(|patch| patch.elements().any(|e| mesh.colour(&patch, e).emits())),
+        _ => facet.patch_range(back).any(|id| {
+            let patch = mesh.patch(id);
+            patch.elements().any(|e| mesh.colour(&patch, e).emits())
+        }),
     }
 }
 
@@ -210,22 +217,24 @@ fn widest(axis: Vec3, node: &Node) -> f32 {
     if c <= -node.cosine { -1.0 } else { (c * node.cosine - s * cone).clamp(-1.0, 1.0) }
 }
 
-/// A piece's parts: halves along its longer side, or the similar triangles of a triangle by the least factor of its grid.
-fn parts(frame: &Frame, piece: &Piece) -> Vec<Piece> {
-    let [columns, rows] = piece.grid;
+/// A piece's parts: halves along its longer side, or the similar triangles of a triangle by the least factor of its grid, of
+/// which `step` columns and rows stay together.
+fn parts(frame: &Frame, piece: &Piece, step: [u32; 2]) -> Vec<Piece> {
+    let [columns, rows] = [0, 1].map(|i| piece.grid[i] / step[i]);
     if frame.layout == Layout::Triangle {
         let factor = (2..=columns).find(|f| columns.is_multiple_of(*f)).unwrap_or(columns);
-        let grid = [columns / factor; 2];
+        let grid = piece.grid.map(|n| n / factor);
         let tile = |k| piece.tile.compose(Tile::of(Layout::Triangle, [factor; 2], k));
         return (0..factor * factor).map(|k| Piece { tile: tile(k), grid, ..*piece }).collect();
     }
     let size = piece.tile.size * DVec2::new(frame.edge_u.length(), frame.edge_v.length());
     let along = if rows == 1 || columns > 1 && size.x >= size.y { 0 } else { 1 };
-    let (whole, half) = (piece.grid[along], piece.grid[along] / 2);
+    let whole = [columns, rows][along];
+    let half = whole / 2;
     [(0, half), (half, whole)]
         .map(|(start, end)| {
             let mut part = *piece;
-            part.grid[along] = end - start;
+            part.grid[along] = (end - start) * step[along];
             part.tile.origin[along] += piece.tile.size[along] * f64::from(start) / f64::from(whole);
             part.tile.size[along] *= f64::from(end - start) / f64::from(whole);
             part
@@ -256,10 +265,10 @@ impl Piece {
     }
 
     /// The element at parameters `at` of the piece, and the parameters within it.
-    pub fn find_element(&self, facet: &Facet, at: DVec2) -> (u32, DVec2) {
-        let first = if self.back { facet.first_back_element } else { facet.first_element };
-        let (element, within) = facet.find_element(self.tile.at(at));
-        (first + element, within)
+    pub fn find_element(&self, mesh: &Mesh, at: DVec2) -> (u32, DVec2) {
+        let facet = &mesh.facets[self.facet as usize];
+        let (_, element, within) = mesh.find_element(facet, self.back, self.tile.at(at));
+        (element, within)
     }
 }
 
@@ -307,6 +316,7 @@ pub fn direction(from: Vec3, to: Vec3) -> Option<(Vec3, f32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::fixture;
 
     #[test]
     fn the_most_facing_cosine_is_that_of_the_least_angle() {
@@ -318,5 +328,30 @@ mod tests {
             assert!((found - exact).abs() < 1e-5, "{cone} {slack} {angle}: {found} {exact}");
         }
         assert_eq!(most_facing(axis, 1.0, Vec3::X, 1.0), 1.0);
+    }
+
+    #[test]
+    fn leaves_are_all_elements_once_also_where_patches_are_cut_differently() {
+        let obj = "v 0 0 0\nv 3 0 0\nv 3 2 0\nv 0 2.5 0\nv 5 0 0\nv 8 0 0\nv 5 3 0\nusemtl grey\nf 1 2 3 4\nf 5 6 7\n";
+        for sizes in [[1.0, 0.5], [0.5, 0.5], [4.0, 0.25]] {
+            let solution = fixture::solve_refined(fixture::read(obj), sizes, 1.0, fixture::mixed([1, 2, 3]));
+            let mesh = &solution.mesh;
+            let tree = ShooterTree::new(mesh);
+            let mut found = vec![0; mesh.element_count()];
+            for node in &tree.nodes {
+                if let Kind::Piece(piece @ Piece { element: Some(element), .. }) = node.kind {
+                    found[element as usize] += 1;
+                    let patch = mesh.patch(mesh.patch_of(element));
+                    let area = patch.element_area(element - patch.first_element);
+                    assert!((piece.patch(mesh).area / area - 1.0).abs() < 1e-9);
+                }
+                for child in &tree.nodes[node.children.start as usize..node.children.end as usize] {
+                    assert!(node.low.cmple(child.low).all() && node.high.cmpge(child.high).all());
+                }
+            }
+            assert!(found.iter().all(|&count| count == 1), "{sizes:?}");
+            // Both sides of a trapezoid of 6.75 m² and a triangle of 4.5 m².
+            assert!((tree.nodes[0].area - 22.5).abs() < 1e-4, "{sizes:?}: {}", tree.nodes[0].area);
+        }
     }
 }

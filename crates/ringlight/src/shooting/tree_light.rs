@@ -186,7 +186,6 @@ fn piece_weights(
     side: u32,
 ) -> (Vec<f64>, [f32; 64]) {
     let layout = patch.frame.layout;
-    let facet = &mesh.facets[piece.facet as usize];
     let density = densities(&patch.frame, side);
     if piece.element.is_some_and(|element| mesh.valid[element as usize] == ALL_VALID) {
         return (vec![1.0; (side * side) as usize], density);
@@ -194,7 +193,7 @@ fn piece_weights(
     let looks = piece.grid.map(|n| n.div_ceil(side).min(LOOKS));
     let looks = if layout == Layout::Triangle { [looks[0]; 2] } else { looks };
     let at = |at: DVec2| {
-        let (element, within) = piece.find_element(facet, at);
+        let (element, within) = piece.find_element(mesh, at);
         let covered = mesh.valid[element as usize] >> Tile::find(layout, [4, 4], within).0 & 1 == 0;
         if covered { 0.0 } else { f64::from(strength(elements[element as usize])) }
     };

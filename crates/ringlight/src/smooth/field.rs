@@ -1,13 +1,17 @@
 //! The elements' light in the order of their lattices, and what it amounts to at a vertex.
 
-use super::lattice::Lattice;
+use super::around;
 use super::pieces;
-use super::places::{Places, Touch};
+use super::places::Places;
+use super::sheet::{Sheet, Sheets};
+use super::touch::{Touch, touching, touching_side};
 use crate::mesh::{Frame, Mesh, RELATIVE_TOLERANCE, Tile};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
 
 /// Cosine of the crease angle, 30°: surfaces that meet at less count as one smooth surface.
 const CREASE: f64 = 0.866_025_403_784_438_6;
@@ -18,30 +22,23 @@ const CHAIN_LIMIT: usize = 64;
 /// Light that is still to be found.
 pub const UNKNOWN: Rgb = [f32::NAN; 3];
 
-/// Light of all elements, side by side in the order of facets (front, then back) and their lattices.
+/// Light of elements, side by side in the order of sheets and their lattices: of those facets that decide the light at the
+/// vertices of some.
 pub struct Field<'a> {
-    mesh: &'a Mesh,
+    sheets: Arc<Sheets<'a>>,
     places: Places<'a>,
+    /// Where the cells of each sheet begin; the next sheet's begin there too if they are not held.
     first_cell: Vec<u32>,
     cells: Vec<Rgb>,
     tolerance: f64,
 }
 
-/// A side of a facet.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Side {
-    /// Number of the facet.
-    pub facet: u32,
-    /// Whether it is the back.
-    pub back: bool,
-}
-
 /// An element that counts at a vertex.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// Where it lies.
-    pub side: Side,
-    /// Cell of the lattice.
+    /// Number of the sheet on which it lies.
+    pub sheet: u32,
+    /// Cell of the sheet's lattice.
     pub cell: u32,
     /// Its light; never unknown.
     pub light: Rgb,
@@ -49,21 +46,24 @@ pub struct Part {
     pub weight: f64,
 }
 
+/// A side of a facet that meets others at a vertex.
+struct Face {
+    facet: u32,
+    back: bool,
+    normal: DVec3,
+    /// Whether the surface in question goes on in it.
+    joined: bool,
+}
+
 /// Buffers reused from vertex to vertex.
 #[derive(Default)]
 pub struct Work {
-    /// What touches `place`.
+    /// What touches `place`, to a tolerance.
     touches: Vec<Touch>,
-    place: Option<(u32, [u32; 2])>,
-    faces: Vec<(Side, DVec3, bool)>,
+    place: Option<(DVec3, f64)>,
+    faces: Vec<Face>,
     /// The elements that count.
     pub parts: Vec<Part>,
-}
-
-/// Number of lit sides of facet `facet`.
-pub fn sides(mesh: &Mesh, facet: u32) -> impl Iterator<Item = Side> + use<> {
-    let double = mesh.facets[facet as usize].double_sided();
-    [false, true].into_iter().take(1 + usize::from(double)).map(move |back| Side { facet, back })
 }
 
 /// The light at an element's sample point. Unknown for elements without a free sample, and for partly covered ones that got
@@ -74,73 +74,57 @@ pub fn known(solution: &Solution, element: u32) -> Option<Rgb> {
     (valid != 0 && !pocket && light.iter().all(|x| x.is_finite())).then_some(light)
 }
 
-/// The element over a cell.
-pub fn element_of(mesh: &Mesh, side: Side, cell: u32) -> u32 {
-    let facet = &mesh.facets[side.facet as usize];
-    let first = if side.back { facet.first_back_element } else { facet.first_element };
-    first + facet.find_element(Lattice::of(facet).middle(cell)).0
-}
-
-/// The side of a facet that an element lies on, and its cell.
-pub fn locate(mesh: &Mesh, element: u32) -> (Side, u32) {
-    let cluster = &mesh.clusters[mesh.clusters.partition_point(|c| c.elements.end <= element)];
-    // The last patch of the cluster that begins at or before the element.
-    let first_element = |id: u32| {
-        let code = mesh.patch_facets[id as usize];
-        let facet = &mesh.facets[(code >> 1) as usize];
-        match code & 1 {
-            1 => facet.first_back_element + (id - facet.first_back_patch) * facet.elements_per_patch(),
-            _ => facet.first_element + (id - facet.first_patch) * facet.elements_per_patch(),
-        }
-    };
-    let (mut low, mut high) = (cluster.patches.start, cluster.patches.end);
-    while high - low > 1 {
-        let middle = low + (high - low) / 2;
-        if first_element(middle) <= element { low = middle } else { high = middle }
-    }
-    let code = mesh.patch_facets[low as usize];
-    let side = Side { facet: code >> 1, back: code & 1 == 1 };
-    let facet = &mesh.facets[side.facet as usize];
-    let first_patch = if side.back { facet.first_back_patch } else { facet.first_patch };
-    let layout = facet.layout();
-    let within = Tile::of(layout, facet.elements.map(u32::from), element - first_element(low));
-    let middle = facet.patch_tile(low - first_patch).at(within.at(Frame::middle(layout)));
-    let (cell, _) = Tile::find(layout, Lattice::of(facet).size, middle);
-    (side, cell)
-}
-
 impl<'a> Field<'a> {
-    /// The light at the sample points.
-    pub fn new(solution: &'a Solution) -> Field<'a> {
+    /// The light at the sample points, as far as it decides that at the vertices of these facets.
+    pub fn new(solution: &'a Solution, facets: Range<u32>) -> Field<'a> {
         let mesh = &solution.mesh;
-        let mut first_cell = Vec::with_capacity(mesh.facets.len());
-        let mut next = 0u32;
-        for facet in &mesh.facets {
-            first_cell.push(next);
-            next += facet.element_count() * if facet.double_sided() { 2 } else { 1 };
-        }
-        let light = |side: Side, cell: u32| known(solution, element_of(mesh, side, cell)).unwrap_or(UNKNOWN);
-        let mut cells = vec![UNKNOWN; next as usize];
-        pieces(mesh.facets.len(), |f| first_cell[f] as usize, &mut cells).into_par_iter().for_each(|(facets, held)| {
-            let all = facets.flat_map(|f| {
-                let count = mesh.facets[f as usize].element_count();
-                sides(mesh, f).flat_map(move |side| (0..count).map(move |cell| (side, cell)))
-            });
-            held.iter_mut().zip(all).for_each(|(held, (side, cell))| *held = light(side, cell));
-        });
         let tolerance = RELATIVE_TOLERANCE * mesh.diagonal;
-        Field { mesh, places: Places::new(mesh), first_cell, cells, tolerance }
+        let (sheets, places) = (Arc::new(Sheets::new(mesh)), Places::new(mesh));
+        let held = around::deciding(solution, &places, facets, tolerance);
+        let is_held = |number: u32| held[sheets.get(number).facet as usize];
+        let mut first_cell = Vec::with_capacity(sheets.len() as usize + 1);
+        let mut next = 0;
+        for number in 0..sheets.len() {
+            first_cell.push(next);
+            next += if is_held(number) { sheets.get(number).lattice.cell_count() } else { 0 };
+        }
+        first_cell.push(next);
+        let mut cells = vec![UNKNOWN; next as usize];
+        let first = |sheet: u32| first_cell[sheet as usize] as usize;
+        pieces(sheets.len(), first, &mut cells).into_par_iter().for_each(|(numbers, light_of)| {
+            let count = |number: u32| sheets.get(number).lattice.cell_count();
+            let all = numbers
+                .filter(|&number| is_held(number))
+                .flat_map(|number| (0..count(number)).map(move |cell| (number, cell)));
+            let light = |number, cell| known(solution, sheets.element(number, cell)).unwrap_or(UNKNOWN);
+            light_of.iter_mut().zip(all).for_each(|(cell_light, (number, cell))| *cell_light = light(number, cell));
+        });
+        Field { sheets, places, first_cell, cells, tolerance }
+    }
+
+    /// Whether the light of a sheet is held.
+    pub fn holds(&self, sheet: u32) -> bool {
+        self.first_cell[sheet as usize] < self.first_cell[sheet as usize + 1]
+    }
+
+    /// Memory that the light takes, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.cells.as_slice())
+    }
+
+    /// The sheets.
+    pub fn sheets(&self) -> &Arc<Sheets<'a>> {
+        &self.sheets
+    }
+
+    /// Place of a cell in the field.
+    pub fn index(&self, sheet: u32, cell: u32) -> usize {
+        (self.first_cell[sheet as usize] + cell) as usize
     }
 
     /// The mesh.
     pub fn mesh(&self) -> &'a Mesh {
-        self.mesh
-    }
-
-    /// Place of a cell among all.
-    pub fn index(&self, side: Side, cell: u32) -> usize {
-        let back = if side.back { self.mesh.facets[side.facet as usize].element_count() } else { 0 };
-        (self.first_cell[side.facet as usize] + back + cell) as usize
+        self.sheets.mesh()
     }
 
     /// Light of the cell at a place.
@@ -158,63 +142,67 @@ impl<'a> Field<'a> {
         !self.cells[index][0].is_nan()
     }
 
-    /// Collects in `work.parts` the cells that meet at a vertex and belong to the same smooth surface, the unknown ones
-    /// too if `unknown`.
-    pub fn collect(&self, side: Side, vertex: [u32; 2], unknown: bool, work: &mut Work) {
-        let facet = &self.mesh.facets[side.facet as usize];
-        let lattice = Lattice::of(facet);
+    /// Collects in `work.parts` the cells that meet at a vertex of a sheet and belong to the same smooth surface, the unknown
+    /// ones too if `unknown`.
+    pub fn collect(&self, number: u32, vertex: [u32; 2], unknown: bool, work: &mut Work) {
+        let sheet = self.sheets.get(number);
         let Work { touches, place, faces, parts } = work;
         parts.clear();
-        let mut push = |side: Side, cell: u32, weight: f64| {
-            let light = self.at(self.index(side, cell));
+        let mut push = |sheet: u32, cell: u32, weight: f64| {
+            let light = self.at(self.index(sheet, cell));
             if unknown || !light[0].is_nan() {
-                parts.push(Part { side, cell, light, weight });
+                parts.push(Part { sheet, cell, light, weight });
             }
         };
-        if lattice.on_border(vertex) {
-            let frame = facet.frame();
-            let cell_size = (frame.area_vector().length() / f64::from(lattice.cell_count())).sqrt();
+        if sheet.lattice.on_border(vertex) {
+            let (own, at) = ((sheet.facet, sheet.back), sheet.parameters(vertex));
+            let frame = self.sheets.facet(number).frame();
+            let cell_size = (frame.area_vector().length() / f64::from(sheet.grid.cell_count())).sqrt();
             let tolerance = self.tolerance.min(0.01 * cell_size);
-            // Both sides of a facet ask in turn.
-            if place.replace((side.facet, vertex)) != Some((side.facet, vertex)) {
-                self.places.touching(frame.at(lattice.parameters(vertex)), tolerance, touches);
+            if sheet.on_facet_border(vertex) {
+                let point = frame.at(at);
+                // Both sides of a facet ask in turn.
+                if place.replace((point, tolerance)) != Some((point, tolerance)) {
+                    touching(&self.sheets, &self.places, point, tolerance, touches);
+                }
+                self.join_faces(own, touches, faces);
+            } else {
+                *place = None;
+                touches.clear();
+                touching_side(&self.sheets, sheet.facet, sheet.back, at, tolerance, touches);
+                faces.clear();
+                faces.push(Face { facet: sheet.facet, back: sheet.back, normal: DVec3::ZERO, joined: true });
             }
-            self.join_faces(side, touches, faces);
-            if faces.iter().any(|f| f.0 == side) {
-                let mut rest = faces.as_slice();
-                for run in touches.chunk_by(|a, b| a.facet == b.facet) {
-                    let count = rest.iter().take_while(|f| f.0.facet == run[0].facet).count();
-                    for &(side, ..) in rest[..count].iter().filter(|f| f.2) {
-                        run.iter().for_each(|touch| push(side, touch.cell, touch.angle.max(1e-3)));
-                    }
-                    rest = &rest[count..];
+            if faces.iter().any(|face| (face.facet, face.back) == own) {
+                for (run, _) in runs(touches).zip(&*faces).filter(|(_, face)| face.joined) {
+                    run.iter().for_each(|touch| push(touch.sheet, touch.cell, touch.angle.max(1e-3)));
                 }
                 return;
             }
         }
-        lattice.cells_at(vertex).for_each(|cell| push(side, cell, 1.0));
+        sheet.lattice.cells_at(vertex).for_each(|cell| push(number, cell, 1.0));
     }
 
-    /// Marks the faces that `own` joins smoothly, directly or through others between.
-    fn join_faces(&self, own: Side, touches: &[Touch], faces: &mut Vec<(Side, DVec3, bool)>) {
+    /// Finds the faces of some touches, a run of them each, and marks those that `own` joins smoothly, directly or through others
+    /// between.
+    fn join_faces(&self, own: (u32, bool), touches: &[Touch], faces: &mut Vec<Face>) {
         faces.clear();
-        for run in touches.chunk_by(|a, b| a.facet == b.facet) {
-            let normal = self.mesh.facets[run[0].facet as usize].frame().area_vector().normalize();
-            for side in sides(self.mesh, run[0].facet) {
-                faces.push((side, if side.back { -normal } else { normal }, side == own));
-            }
-        }
+        faces.extend(runs(touches).map(|run| {
+            let Touch { facet, back, .. } = run[0];
+            let normal = self.mesh().facets[facet as usize].frame().area_vector().normalize();
+            Face { facet, back, normal: if back { -normal } else { normal }, joined: (facet, back) == own }
+        }));
         let passes = if faces.len() > CHAIN_LIMIT { 1 } else { faces.len() };
         for _ in 0..passes {
             let mut grown = false;
             for i in 0..faces.len() {
-                let from = if passes == 1 { faces[i].0 == own } else { faces[i].2 };
+                let from = if passes == 1 { (faces[i].facet, faces[i].back) == own } else { faces[i].joined };
                 if !from {
                     continue;
                 }
                 for j in 0..faces.len() {
-                    if !faces[j].2 && faces[i].1.dot(faces[j].1) >= CREASE {
-                        faces[j].2 = true;
+                    if !faces[j].joined && faces[i].normal.dot(faces[j].normal) >= CREASE {
+                        faces[j].joined = true;
                         grown = true;
                     }
                 }
@@ -225,19 +213,33 @@ impl<'a> Field<'a> {
         }
     }
 
+    /// Light at a vertex around which are these parts. Where a coarser sheet of the same side has it on an edge of a cell, it is what
+    /// that edge shows there, so that there is no seam.
+    pub fn light(&self, number: u32, vertex: [u32; 2], parts: &[Part]) -> Rgb {
+        if let Some(edge) = self.sheets.coarse_edge(number, vertex) {
+            let mut work = Work::default();
+            let [from, to] = edge.ends.map(|end| {
+                self.collect(edge.sheet, end, false, &mut work);
+                self.light(edge.sheet, end, &work.parts)
+            });
+            return between(from, to, edge.along);
+        }
+        let at = self.sheets.get(number).parameters(vertex);
+        if parts.is_empty() { [0.0; 3] } else { self.blend(self.sheets.facet(number).frame().at(at), parts) }
+    }
+
     /// Light at `point` from parts around it: their mean; where they lie to one side, as at the border of a surface, it
     /// follows their gradient to the point, by no more than half. The gradient is that of all light around the parts: where
     /// a wall stands, take the [`mean`].
-    pub fn blend(&self, point: DVec3, parts: &[Part]) -> Rgb {
+    fn blend(&self, point: DVec3, parts: &[Part]) -> Rgb {
         let weight: f64 = parts.iter().map(|p| p.weight).sum();
         let mut mean = [0.0; 3];
         let mut centre = DVec3::ZERO;
         let mut size = 0.0;
         for part in parts {
-            let facet = &self.mesh.facets[part.side.facet as usize];
-            let (frame, lattice) = (facet.frame(), Lattice::of(facet));
-            centre += part.weight / weight * frame.at(lattice.middle(part.cell));
-            size += part.weight / weight * frame.area_vector().length() / f64::from(lattice.cell_count());
+            let (frame, sheet) = (self.sheets.facet(part.sheet).frame(), self.sheets.get(part.sheet));
+            centre += part.weight / weight * frame.at(sheet.middle(part.cell));
+            size += part.weight / weight * frame.area_vector().length() / f64::from(sheet.grid.cell_count());
             (0..3).for_each(|c| mean[c] += part.weight / weight * f64::from(part.light[c]));
         }
         let away = point - centre;
@@ -245,40 +247,73 @@ impl<'a> Field<'a> {
         // Surrounded points lie in the middle of their parts.
         if away.length_squared() > 1e-6 * size {
             for part in parts {
-                let facet = &self.mesh.facets[part.side.facet as usize];
-                let [along_u, along_v] = self.gradient(part.side, part.cell);
-                let frame = facet.frame();
-                let lattice = Lattice::of(facet);
+                let (frame, grid) = (self.sheets.facet(part.sheet).frame(), self.sheets.get(part.sheet).grid);
+                let [along_u, along_v] = self.gradient(part.sheet, part.cell);
                 let normal = frame.edge_u.cross(frame.edge_v);
                 let n2 = normal.length_squared();
-                let u = away.cross(frame.edge_v).dot(normal) / n2 * f64::from(lattice.size[0]);
-                let v = frame.edge_u.cross(away).dot(normal) / n2 * f64::from(lattice.size[1]);
+                let u = away.cross(frame.edge_v).dot(normal) / n2 * f64::from(grid.size[0]);
+                let v = frame.edge_u.cross(away).dot(normal) / n2 * f64::from(grid.size[1]);
                 (0..3).for_each(|c| change[c] += part.weight / weight * (u * along_u[c] + v * along_v[c]));
             }
         }
         [0, 1, 2].map(|c| (mean[c] + change[c]).clamp(0.5 * mean[c], 1.5 * mean[c]) as f32)
     }
 
-    /// Change of light from cell to cell along u and v.
-    fn gradient(&self, side: Side, cell: u32) -> [[f64; 3]; 2] {
-        let lattice = Lattice::of(&self.mesh.facets[side.facet as usize]);
-        if lattice.size == [1, 1] {
+    /// Change of light from cell to cell along u and v of the sheet's grid.
+    fn gradient(&self, number: u32, cell: u32) -> [[f64; 3]; 2] {
+        let sheet = self.sheets.get(number);
+        let grid = sheet.grid;
+        if grid.size == [1, 1] {
             return Default::default();
         }
-        // Triangles take it from the upright ones.
-        let [column, row, _] = lattice.position(cell).map(i64::from);
-        let light = |column: i64, row: i64| {
-            let light = self.at(self.index(side, lattice.cell(column, row, false)?));
-            (!light[0].is_nan()).then(|| light.map(f64::from))
-        };
+        // Triangles take it from those that are turned as their sheet is: upright ones in a whole side.
+        let [column, row, turned] = sheet.upright_in_grid(cell);
+        let light = |column: i64, row: i64| self.light_in_grid(number, &sheet, grid.cell(column, row, turned == 1)?);
         let along_u = |column: i64, row: i64| slope(|step| light(column + step, row));
         let along_v = |column: i64, row: i64| slope(|step| light(column, row + step));
         // At the tip of a triangle a row has one cell: the row below tells.
+        let below = 2 * turned - 1;
         [
-            along_u(column, row).or_else(|| along_u(column, row - 1)).unwrap_or_default(),
-            along_v(column, row).or_else(|| along_v(column - 1, row)).unwrap_or_default(),
+            along_u(column, row).or_else(|| along_u(column, row + below)).unwrap_or_default(),
+            along_v(column, row).or_else(|| along_v(column + below, row)).unwrap_or_default(),
         ]
     }
+
+    /// Light of a cell of a sheet's grid: of the element there, or the mean of several where another sheet is finer; none where it
+    /// is unknown or the other is coarser.
+    fn light_in_grid(&self, number: u32, sheet: &Sheet, cell: u32) -> Option<[f64; 3]> {
+        let known = |index: usize| self.known(index).then(|| self.at(index).map(f64::from));
+        if sheet.is_whole() {
+            return known(self.index(number, cell));
+        }
+        let (mesh, facet, layout) = (self.mesh(), self.sheets.facet(number), sheet.grid.layout);
+        let tile = Tile::of(layout, sheet.grid.size, cell);
+        let find = |at: DVec2| mesh.find_element(facet, sheet.back, at);
+        let (patch, ..) = find(tile.at(Frame::middle(layout)));
+        let (own, other) = (sheet.lattice.size[0], self.sheets.get(self.sheets.of_patch(patch)).lattice.size[0]);
+        if !other.is_multiple_of(own) {
+            return None;
+        }
+        let parts = other / own;
+        let mut sum = [0.0; 3];
+        for k in 0..parts * parts {
+            let (_, element, _) = find(tile.compose(Tile::of(layout, [parts; 2], k)).at(Frame::middle(layout)));
+            let (sheet, cell) = self.sheets.locate(element);
+            let light = known(self.index(sheet, cell))?;
+            (0..3).for_each(|c| sum[c] += light[c] / f64::from(parts * parts));
+        }
+        Some(sum)
+    }
+}
+
+/// The touches of each facet's side.
+fn runs(touches: &[Touch]) -> impl Iterator<Item = &[Touch]> {
+    touches.chunk_by(|a, b| (a.facet, a.back) == (b.facet, b.back))
+}
+
+/// Light at a share of the way from one place to another.
+pub fn between(from: Rgb, to: Rgb, along: f64) -> Rgb {
+    [0, 1, 2].map(|c| (f64::from(from[c]) * (1.0 - along) + f64::from(to[c]) * along) as f32)
 }
 
 /// Weighted mean of the light of some parts.

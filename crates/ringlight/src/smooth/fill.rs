@@ -1,7 +1,6 @@
 //! Elements that know no light of their own take it from their neighbours.
 
-use super::field::{Field, Side, UNKNOWN, Work, sides};
-use super::lattice::Lattice;
+use super::field::{Field, UNKNOWN, Work};
 use crate::quantity::Rgb;
 use rayon::prelude::*;
 
@@ -31,29 +30,24 @@ pub fn fill(field: &mut Field<'_>) {
 }
 
 fn find_gaps(field: &Field<'_>) -> Vec<Gap> {
-    let mesh = field.mesh();
-    (0..mesh.facets.len() as u32)
+    (0..field.sheets().len())
         .into_par_iter()
-        .map_init(Work::default, |work, f| {
-            let count = mesh.facets[f as usize].element_count();
-            let mut gaps = Vec::new();
-            for side in sides(mesh, f) {
-                for cell in (0..count).filter(|&cell| !field.known(field.index(side, cell))) {
-                    gaps.push(gap(field, side, cell, work));
-                }
-            }
-            gaps
+        .filter(|&sheet| field.holds(sheet))
+        .map_init(Work::default, |work, sheet| {
+            let count = field.sheets().get(sheet).lattice.cell_count();
+            let unknown = (0..count).filter(|&cell| !field.known(field.index(sheet, cell)));
+            unknown.map(|cell| gap(field, sheet, cell, work)).collect::<Vec<_>>()
         })
         .flatten_iter()
         .collect()
 }
 
-fn gap(field: &Field<'_>, side: Side, cell: u32, work: &mut Work) -> Gap {
-    let index = field.index(side, cell);
+fn gap(field: &Field<'_>, sheet: u32, cell: u32, work: &mut Work) -> Gap {
+    let index = field.index(sheet, cell);
     let mut neighbours = Vec::new();
-    for vertex in Lattice::of(&field.mesh().facets[side.facet as usize]).corners(cell) {
-        field.collect(side, vertex, true, work);
-        neighbours.extend(work.parts.iter().map(|p| field.index(p.side, p.cell)).filter(|&i| i != index));
+    for vertex in field.sheets().get(sheet).lattice.corners(cell) {
+        field.collect(sheet, vertex, true, work);
+        neighbours.extend(work.parts.iter().map(|p| field.index(p.sheet, p.cell)).filter(|&i| i != index));
     }
     neighbours.sort_unstable();
     neighbours.dedup();

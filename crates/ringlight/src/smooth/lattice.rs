@@ -1,12 +1,10 @@
-//! The regular grid of elements over one side of a facet: cells are elements, vertices their corners.
-//!
-//! Patches cut a facet regularly and elements cut patches regularly, so all elements of a facet form one grid.
+//! Regular grids over facets and patches: cells are elements (or patches), vertices their corners.
 
-use crate::mesh::{Facet, Frame, Tile};
+use crate::mesh::{Frame, Tile};
 use glam::DVec2;
 use ringlight_visibility::Layout;
 
-/// A grid over a facet. Cells are numbered as [`Tile::of`] numbers tiles; a vertex is (column, row).
+/// A grid over a facet or a patch. Cells are numbered as [`Tile::of`] numbers tiles; a vertex is (column, row).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lattice {
     /// Quadrilateral or triangle.
@@ -16,10 +14,9 @@ pub struct Lattice {
 }
 
 impl Lattice {
-    /// Of a facet.
-    pub fn of(facet: &Facet) -> Lattice {
-        let size = [0, 1].map(|i| u32::from(facet.patches[i]) * u32::from(facet.elements[i]));
-        Lattice { layout: facet.layout(), size }
+    /// The grid with each cell cut into columns and rows.
+    pub fn refined(&self, parts: [u32; 2]) -> Lattice {
+        Lattice { layout: self.layout, size: [0, 1].map(|i| self.size[i] * parts[i]) }
     }
 
     /// Number of vertices.
@@ -54,7 +51,7 @@ impl Lattice {
         }
     }
 
-    /// Whether a vertex lies on the facet's border.
+    /// Whether a vertex lies on the grid's border.
     pub fn on_border(&self, [column, row]: [u32; 2]) -> bool {
         let [columns, rows] = self.size;
         column == 0
@@ -65,12 +62,12 @@ impl Lattice {
             }
     }
 
-    /// Parameters of a vertex in the facet.
+    /// Parameters of a vertex.
     pub fn parameters(&self, [column, row]: [u32; 2]) -> DVec2 {
         DVec2::new(f64::from(column) / f64::from(self.size[0]), f64::from(row) / f64::from(self.size[1]))
     }
 
-    /// Parameters of the middle of a cell in the facet.
+    /// Parameters of the middle of a cell.
     pub fn middle(&self, cell: u32) -> DVec2 {
         Tile::of(self.layout, self.size, cell).at(Frame::middle(self.layout))
     }
@@ -109,6 +106,30 @@ impl Lattice {
             Layout::Triangle => {
                 let inside = column >= 0 && row >= 0 && column + row + i64::from(inverted) < columns;
                 inside.then(|| (row * (2 * columns - row) + 2 * column + i64::from(inverted)) as u32)
+            }
+        }
+    }
+
+    /// Calls with the cells that the place at parameters `at` touches, and the parameters within them; `slack` is the tolerance
+    /// in cells.
+    pub fn holding(&self, at: DVec2, slack: DVec2, mut each: impl FnMut(u32, DVec2)) {
+        let at = at * DVec2::new(self.size[0].into(), self.size[1].into());
+        let range = |x: f64, slack: f64| (x - slack).floor() as i64..=(x + slack).floor() as i64;
+        let mut add = |position: (i64, i64, bool), within: DVec2| {
+            if let Some(cell) = self.cell(position.0, position.1, position.2) {
+                each(cell, within);
+            }
+        };
+        let reach = slack.x.max(slack.y);
+        for row in range(at.y, slack.y) {
+            for column in range(at.x, slack.x) {
+                let within = at - DVec2::new(column as f64, row as f64);
+                if self.layout == Layout::Quad || within.x + within.y <= 1.0 + reach {
+                    add((column, row, false), within);
+                }
+                if self.layout == Layout::Triangle && within.x + within.y >= 1.0 - reach {
+                    add((column, row, true), DVec2::ONE - within);
+                }
             }
         }
     }

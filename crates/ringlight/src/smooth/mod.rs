@@ -9,58 +9,63 @@
 //!   (`field`);
 //! - elements of one plane that differ much are tested for a wall between them, by rays (`walls`); where there is one,
 //!   the corner has different light in different elements;
-//! - triangles that were paired, and patches of one face, form one grid (`lattice`) and need no search.
+//! - triangles that were paired, and patches of one face that are cut alike, form one grid (`lattice`) and need no search; others
+//!   are sheets of their own (`sheet`), whose vertices on the edge of a coarser cell show what that edge shows.
 //!
 //! Pictures and lit models show the corners' light, interpolated: the eye sees every bead along the edge of a shadow. Probes ask
 //! for numbers: light that keeps what the solver found at the sample point (`fan`), and does not pass what stands on the
 //! element itself (`standing`).
 
+mod around;
+mod divided;
 mod fan;
 mod field;
 mod fill;
-pub(crate) mod lattice;
+mod lattice;
 pub(crate) mod places;
+pub(crate) mod sheet;
 mod standing;
 #[cfg(test)]
 mod tests;
+mod touch;
 mod walls;
 
-use crate::mesh::{self, Facet, Frame, Inquiry};
+use crate::mesh::{self, Frame, Inquiry};
 use crate::quantity::Rgb;
 use crate::solution::Solution;
 use crate::solve::Ring;
 use crate::transport::{Communicator, Failure};
-use field::{Field, Side, Work, element_of, sides};
+pub use divided::Divided;
+pub(crate) use field::between;
+use field::{Field, Work};
 use glam::DVec2;
-use lattice::Lattice;
 use rayon::prelude::*;
 use ringlight_visibility::Layout;
+use sheet::{Sheet, Sheets};
 pub use standing::SurfaceLight;
 use std::ops::Range;
 use std::sync::Arc;
 use walls::{Split, Walls};
 
-/// Irradiance at the corners of elements, interpolated over smooth surfaces but not across edges, creases or walls.
+/// Irradiance at the corners of the elements of some facets, interpolated over smooth surfaces but not across edges, creases
+/// or walls.
 pub struct Smooth<'a> {
-    solution: &'a Solution,
-    /// For each facet, where the vertices of its front begin; those of the back follow.
-    first_vertex: Vec<u64>,
-    /// Irradiance at the vertices of the facets' lattices, W/m² or lux.
+    sheets: Arc<Sheets<'a>>,
+    /// Irradiance at the vertices of the facets' sheets, W/m² or lux.
     vertices: Vec<Rgb>,
+    /// Place of the first of these among the vertices of all sheets.
+    begin: usize,
     /// Corners that walls cut off from their vertex, sorted by element.
     splits: Vec<Split>,
 }
 
-/// Tag of what ranks tell each other about corners.
-const SPLITS: u32 = 45;
-
-/// Facets that a thread takes at a time.
-const CHUNK: usize = 64;
+/// Facets, or sheets, that a thread takes at a time.
+const CHUNK: u32 = 64;
 
 impl<'a> Smooth<'a> {
-    /// Of a solution, on a rank that is alone with it.
+    /// Of all of a solution, on a rank that is alone with it.
     pub fn new(solution: &'a Solution) -> Smooth<'a> {
-        let (smooth, field, suspects) = Smooth::without_walls(solution);
+        let (smooth, field, suspects) = Smooth::without_walls(solution, 0..solution.mesh.facets.len() as u32);
         if suspects.is_empty() {
             return smooth;
         }
@@ -69,54 +74,41 @@ impl<'a> Smooth<'a> {
         Smooth { splits: splits.expect("a rank that is alone hears of no failure"), ..smooth }
     }
 
-    /// The same on every rank, which look for walls together; all of them call it.
-    pub fn over_ranks(
-        solution: &'a Solution,
-        ring: &mut Ring<'a>,
-        ranks: &mut Communicator<'_>,
-    ) -> Result<Smooth<'a>, Failure> {
-        let (smooth, field, suspects) = Smooth::without_walls(solution);
-        Ok(Smooth { splits: find_splits(&field, suspects, ring, ranks)?, ..smooth })
-    }
-
-    /// As if nothing stood on surfaces, and where something may.
-    fn without_walls(solution: &'a Solution) -> (Smooth<'a>, Field<'a>, Vec<Suspect>) {
-        let mesh = &solution.mesh;
-        let mut field = Field::new(solution);
+    /// Of some facets, as if nothing stood on surfaces, and where something may.
+    fn without_walls(solution: &'a Solution, facets: Range<u32>) -> (Smooth<'a>, Field<'a>, Vec<Suspect>) {
+        let mut field = Field::new(solution, facets.clone());
         fill::fill(&mut field);
-        let mut first_vertex = Vec::with_capacity(mesh.facets.len());
-        let mut next = 0;
-        for facet in &mesh.facets {
-            first_vertex.push(next);
-            next += vertex_count(facet) as u64;
-        }
-        let mut vertices = vec![[0.0; 3]; next as usize];
-        let suspects: Vec<Suspect> = pieces(mesh.facets.len(), |f| first_vertex[f] as usize, &mut vertices)
+        let sheets = field.sheets().clone();
+        let begin = sheets.first_vertex_of(facets.start);
+        let mut vertices = vec![[0.0; 3]; sheets.first_vertex_of(facets.end) - begin];
+        let first = |k: u32| sheets.first_vertex_of(facets.start + k) - begin;
+        let suspects: Vec<Suspect> = pieces(facets.len() as u32, first, &mut vertices)
             .into_par_iter()
-            .map_init(Work::default, |work, (facets, mut vertices)| {
+            .map_init(Work::default, |work, (piece, vertices)| {
                 let mut suspects = Vec::new();
-                for f in facets {
-                    let own = vertex_count(&mesh.facets[f as usize]);
-                    smooth_facet(&field, f, work, vertices.split_off_mut(..own).unwrap_or_default(), &mut suspects);
+                let piece = facets.start + piece.start..facets.start + piece.end;
+                let begin = sheets.first_vertex_of(piece.start);
+                for sheet in piece.flat_map(|facet| asked_together(&sheets, facet)) {
+                    smooth_sheets(&field, sheet, begin, work, vertices, &mut suspects);
                 }
                 suspects
             })
             .flatten_iter()
             .collect();
-        (Smooth { solution, first_vertex, vertices, splits: Vec::new() }, field, suspects)
+        (Smooth { sheets, vertices, begin, splits: Vec::new() }, field, suspects)
     }
 
     /// Irradiance at the corners of an element, in the order of [`crate::mesh::Frame::corner_parameters`] of its facet's
     /// layout; a triangle repeats the last one. W/m² or lux.
     pub fn corners(&self, element: u32) -> [Rgb; 4] {
-        let (side, cell) = field::locate(&self.solution.mesh, element);
-        self.cell_corners(element, side, cell)
+        self.corners_in(element).1
     }
 
-    fn cell_corners(&self, element: u32, side: Side, cell: u32) -> [Rgb; 4] {
-        let lattice = Lattice::of(&self.solution.mesh.facets[side.facet as usize]);
-        let back = if side.back { lattice.vertex_count() } else { 0 };
-        let first = self.first_vertex[side.facet as usize] as usize + back;
+    /// The layout of an element, and the light at its corners.
+    fn corners_in(&self, element: u32) -> (Layout, [Rgb; 4]) {
+        let (sheet, cell) = self.sheets.locate(element);
+        let Sheet { lattice, first_vertex, .. } = self.sheets.get(sheet);
+        let first = first_vertex - self.begin;
         let mut corners = lattice.corners(cell).map(|v| self.vertices[first + lattice.vertex_index(v)]);
         for split in self.splits(element) {
             corners[split.corner as usize] = split.light;
@@ -124,16 +116,29 @@ impl<'a> Smooth<'a> {
         if lattice.layout == Layout::Triangle {
             corners[3] = corners[2];
         }
-        corners
+        (lattice.layout, corners)
     }
 
     /// Irradiance at parameters `within` of an element: bilinear in quadrilaterals, linear in triangles. W/m² or lux.
     pub fn at(&self, element: u32, within: DVec2) -> Rgb {
-        let (side, cell) = field::locate(&self.solution.mesh, element);
-        let corners = self.cell_corners(element, side, cell);
-        let layout = self.solution.mesh.facets[side.facet as usize].layout();
-        let weights = Frame::corner_weights(layout, within).map(|w| w as f32);
-        std::array::from_fn(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
+        let (layout, corners) = self.corners_in(element);
+        interpolate(&corners, layout, within)
+    }
+
+    /// Memory that it takes, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.vertices.as_slice()) + size_of_val(self.splits.as_slice())
+    }
+
+    /// Irradiance at a vertex of a sheet, W/m² or lux.
+    pub(crate) fn vertex(&self, sheet: u32, vertex: [u32; 2]) -> Rgb {
+        let Sheet { lattice, first_vertex, .. } = self.sheets.get(sheet);
+        self.vertices[first_vertex - self.begin + lattice.vertex_index(vertex)]
+    }
+
+    /// The sheets whose lattices the light is held on.
+    pub(crate) fn sheets(&self) -> &Sheets<'a> {
+        &self.sheets
     }
 
     /// Whether a wall cuts a corner of an element off from the vertex it shares.
@@ -148,42 +153,52 @@ impl<'a> Smooth<'a> {
     }
 }
 
-/// A vertex at which a wall may stand.
-type Suspect = (Side, [u32; 2]);
-
-/// Vertices of both lit sides of a facet.
-fn vertex_count(facet: &Facet) -> usize {
-    Lattice::of(facet).vertex_count() * if facet.double_sided() { 2 } else { 1 }
+/// Irradiance at parameters `within` of an element that has these `corners`, see [`Smooth::corners`].
+pub fn interpolate(corners: &[Rgb; 4], layout: Layout, within: DVec2) -> Rgb {
+    let weights = Frame::corner_weights(layout, within).map(|w| w as f32);
+    std::array::from_fn(|c| (0..4).map(|k| weights[k] * corners[k][c]).sum())
 }
 
-/// Cuts what is held of the facets, in order, into pieces of a few facets each; what is held of facet `f` begins at
-/// `first(f)`.
-fn pieces<T>(facets: usize, first: impl Fn(usize) -> usize, mut all: &mut [T]) -> Vec<(Range<u32>, &mut [T])> {
-    let mut pieces = Vec::with_capacity(facets.div_ceil(CHUNK));
-    for start in (0..facets).step_by(CHUNK) {
-        let end = facets.min(start + CHUNK);
-        let length = if end < facets { first(end) - first(start) } else { all.len() };
+/// A vertex of a sheet at which a wall may stand.
+type Suspect = (u32, [u32; 2]);
+
+/// Cuts what is held of `count` things, in order, into pieces of a few things each; what is held of thing `k` begins at
+/// `first(k)`.
+fn pieces<T>(count: u32, first: impl Fn(u32) -> usize, mut all: &mut [T]) -> Vec<(Range<u32>, &mut [T])> {
+    let mut pieces = Vec::with_capacity(count.div_ceil(CHUNK) as usize);
+    for start in (0..count).step_by(CHUNK as usize) {
+        let end = count.min(start + CHUNK);
+        let length = if end < count { first(end) - first(start) } else { all.len() };
         let (piece, rest) = all.split_at_mut(length);
-        pieces.push((start as u32..end as u32, piece));
+        pieces.push((start..end, piece));
         all = rest;
     }
     pieces
 }
 
-/// Finds the light at the vertices of one facet, front then back, and appends those at which a wall may stand.
-fn smooth_facet(field: &Field<'_>, number: u32, work: &mut Work, vertices: &mut [Rgb], suspects: &mut Vec<Suspect>) {
-    let facet = &field.mesh().facets[number as usize];
-    let (frame, lattice) = (facet.frame(), Lattice::of(facet));
-    let (front, back) = vertices.split_at_mut(lattice.vertex_count());
-    for (index, vertex) in lattice.vertices().enumerate() {
-        let point = frame.at(lattice.parameters(vertex));
-        for side in sides(field.mesh(), number) {
-            field.collect(side, vertex, false, work);
-            let light = if work.parts.is_empty() { [0.0; 3] } else { field.blend(point, &work.parts) };
-            let of_side = if side.back { &mut *back } else { &mut *front };
-            of_side[index] = light;
-            if Walls::suspects(field.mesh(), number, &work.parts) {
-                suspects.push((side, vertex));
+/// The sheets of a facet: both sides together where they are cut alike, because what touches their vertices is the same.
+fn asked_together(sheets: &Sheets<'_>, facet: u32) -> impl Iterator<Item = Range<u32>> + use<> {
+    let together = if sheets.are_alike(facet) { 2 } else { 1 };
+    sheets.of_facet(facet).step_by(together as usize).map(move |first| first..first + together)
+}
+
+/// Finds the light at the vertices of sheets that have the same lattice; that of all sheets from vertex `begin` on is in
+/// `vertices`. Appends the vertices at which a wall may stand.
+fn smooth_sheets(
+    field: &Field<'_>,
+    numbers: Range<u32>,
+    begin: usize,
+    work: &mut Work,
+    vertices: &mut [Rgb],
+    suspects: &mut Vec<Suspect>,
+) {
+    let sheets = field.sheets();
+    for (index, vertex) in sheets.get(numbers.start).lattice.vertices().enumerate() {
+        for number in numbers.clone() {
+            field.collect(number, vertex, false, work);
+            vertices[sheets.get(number).first_vertex - begin + index] = field.light(number, vertex, &work.parts);
+            if Walls::suspects(sheets, number, &work.parts) {
+                suspects.push((number, vertex));
             }
         }
     }
@@ -196,34 +211,30 @@ fn find_splits<'a>(
     ring: &mut Ring<'a>,
     ranks: &mut Communicator<'_>,
 ) -> Result<Vec<Split>, Failure> {
-    let mesh = field.mesh();
-    let walls = Walls::new(mesh);
-    let find = |(side, vertex): Suspect, inquiry: Inquiry<'a>| {
+    let sheets = field.sheets();
+    let walls = Walls::new(sheets);
+    let find = |(number, vertex): Suspect, inquiry: Inquiry<'a>| {
         let walls = &walls;
         async move {
             let mut work = Work::default();
-            field.collect(side, vertex, false, &mut work);
-            let facet = &mesh.facets[side.facet as usize];
-            let lattice = Lattice::of(facet);
-            let point = facet.frame().at(lattice.parameters(vertex));
+            field.collect(number, vertex, false, &mut work);
+            let (sheet, facet) = (sheets.get(number), sheets.facet(number));
+            let lattice = sheet.lattice;
+            let point = facet.frame().at(sheet.parameters(vertex));
             let mut splits = Vec::new();
             for cell in lattice.cells_at(vertex) {
                 let mut seen = work.parts.clone();
-                walls.keep_seen(&inquiry, side, cell, point, &mut seen).await;
+                walls.keep_seen(&inquiry, number, cell, point, &mut seen).await;
                 if seen.len() < work.parts.len() {
                     let corner = lattice.corners(cell).iter().position(|&v| v == vertex).unwrap_or(0) as u32;
-                    splits.push(Split { element: element_of(mesh, side, cell), corner, light: field::mean(&seen) });
+                    splits.push(Split { element: sheets.element(number, cell), corner, light: field::mean(&seen) });
                 }
             }
             splits
         }
     };
-    let mut own: Vec<Split> = Vec::new();
-    let (rank, size) = (ranks.rank(), ranks.size());
-    ring.ask(ranks, suspects.into_iter().skip(rank).step_by(size), find, |found| own.extend(found))?;
-    let all = ranks.all_gather(SPLITS, bytemuck::cast_slice(&own).to_vec())?;
-    let mut splits: Vec<Split> =
-        all.iter().flat_map(|bytes| bytemuck::pod_collect_to_vec::<u8, Split>(bytes)).collect();
+    let mut splits: Vec<Split> = Vec::new();
+    ring.ask(ranks, suspects.into_iter(), find, |found| splits.extend(found))?;
     splits.sort_unstable_by_key(|s: &Split| (s.element, s.corner));
     Ok(splits)
 }

@@ -4,8 +4,7 @@
 //! leg of a chair. So the samples around a place are asked one by one whether it sees them.
 
 use super::fan::Fan;
-use super::field::{self, Field, Part, Side, Work};
-use super::lattice::Lattice;
+use super::field::{self, Field, Part, Work};
 use super::walls::Walls;
 use crate::mesh::{self, Frame, Inquiry};
 use crate::quantity::Rgb;
@@ -22,39 +21,40 @@ pub struct SurfaceLight<'a> {
 impl<'a> SurfaceLight<'a> {
     /// Of a solution.
     pub fn new(solution: &'a Solution) -> SurfaceLight<'a> {
-        SurfaceLight { solution, field: Field::new(solution), walls: Walls::new(&solution.mesh) }
+        let field = Field::new(solution, 0..solution.mesh.facets.len() as u32);
+        let walls = Walls::new(field.sheets());
+        SurfaceLight { solution, field, walls }
     }
 
     /// Irradiance at parameters `within` of an element, W/m² or lux. None where no light is known: where other geometry
     /// covers the surface and it takes no light (under a box, in the crack between two books), and where no sample around
     /// is seen.
     pub async fn at(&self, inquiry: &Inquiry<'_>, element: u32, within: DVec2) -> Option<Rgb> {
-        let mesh = &self.solution.mesh;
-        let (side, cell) = field::locate(mesh, element);
-        let facet = &mesh.facets[side.facet as usize];
-        let lattice = Lattice::of(facet);
-        if self.walls.hides(inquiry, side, cell, within).await {
+        let (sheet, cell) = self.field.sheets().locate(element);
+        let lattice = self.field.sheets().get(sheet).lattice;
+        if self.walls.hides(inquiry, element, within).await {
             return None;
         }
         let vertices = lattice.corners(cell);
         let mut work = Work::default();
         let mut corners = [None; 4];
         for (corner, vertex) in corners.iter_mut().zip(vertices) {
-            self.field.collect(side, vertex, false, &mut work);
+            self.field.collect(sheet, vertex, false, &mut work);
             let around = work.parts.len();
-            self.walls.keep_seen_from(inquiry, side, cell, within, &mut work.parts).await;
+            self.walls.keep_seen_from(inquiry, sheet, cell, within, &mut work.parts).await;
             *corner = match work.parts.len() {
                 0 => None,
                 seen if seen < around => Some(field::mean(&work.parts)),
-                _ => Some(self.field.blend(facet.frame().at(lattice.parameters(vertex)), &work.parts)),
+                _ => Some(self.field.light(sheet, vertex, &work.parts)),
             };
         }
-        match self.own(inquiry, element, side, cell, within).await {
+        let layout = lattice.layout;
+        match self.own(inquiry, element, sheet, cell, within).await {
             Some((light, middle)) => {
                 let corners = corners.map(|corner| corner.unwrap_or(light));
-                Some(Fan { layout: lattice.layout, corners, middle, light }.at(within))
+                Some(Fan { layout, corners, middle, light }.at(within))
             }
-            None => mean(&corners, Frame::corner_weights(lattice.layout, within)),
+            None => mean(&corners, Frame::corner_weights(layout, within)),
         }
     }
 
@@ -63,14 +63,14 @@ impl<'a> SurfaceLight<'a> {
         &self,
         inquiry: &Inquiry<'_>,
         element: u32,
-        side: Side,
+        sheet: u32,
         cell: u32,
         within: DVec2,
     ) -> Option<(Rgb, DVec2)> {
         let light = field::known(self.solution, element)?;
-        let mut parts = vec![Part { side, cell, light, weight: 1.0 }];
-        self.walls.keep_seen_from(inquiry, side, cell, within, &mut parts).await;
-        let layout = self.solution.mesh.facets[side.facet as usize].layout();
+        let mut parts = vec![Part { sheet, cell, light, weight: 1.0 }];
+        self.walls.keep_seen_from(inquiry, sheet, cell, within, &mut parts).await;
+        let layout = self.field.sheets().get(sheet).lattice.layout;
         let middle = mesh::sample_parameters(layout, self.solution.mesh.valid[element as usize])?;
         (!parts.is_empty()).then_some((light, middle))
     }

@@ -1,6 +1,6 @@
 use super::{Smooth, SurfaceLight};
 use crate::mesh::{self, Inquiry, at_once};
-use crate::output::fixture::{closed_box, elements, paint, read, solve};
+use crate::output::fixture::{closed_box, elements, mixed, paint, read, solve, solve_refined};
 use crate::solution::Solution;
 use glam::{DVec2, DVec3};
 use std::f64::consts::PI;
@@ -160,8 +160,8 @@ fn floor_at(solution: &Solution, x: f64, y: f64) -> (u32, DVec2) {
     let point = DVec3::new(x, y, 0.0) - DVec3::from(mesh.origin);
     let facet =
         mesh.facets.iter().find(|f| f.frame().area_vector().z > 0.99 * f.frame().area_vector().length()).unwrap();
-    let (k, within) = facet.find_element(facet.frame().parameters(point));
-    (facet.first_element + k, within)
+    let (_, element, within) = mesh.find_element(facet, false, facet.frame().parameters(point));
+    (element, within)
 }
 
 fn here(solution: &Solution) -> Inquiry<'_> {
@@ -252,4 +252,69 @@ fn covered_places_and_cracks_have_no_light_though_their_element_has() {
     assert_eq!([at(0.3, 0.3), at(2.0, 1.0)], [Some([5.0; 3]); 2], "in the open");
     assert_eq!([at(1.8, 2.0), at(2.3, 1.7)], [None; 2], "under the boxes");
     assert_eq!(at(2.0, 2.0), None, "in the crack");
+}
+
+/// Two parallelograms and a triangle side by side, and a trapezoid beyond.
+const SHEETS: &str = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nv 6 0.5 0\nv 6 3.5 0\nv 9 0 0\nv 12 0 0\nv 15 0 0\nv 15 2.2 0\n\
+    v 12 3 0\nusemtl grey\nf 1 2 3 4\nf 2 5 6 3\nf 5 7 6\nf 8 9 10 11\n";
+
+#[test]
+fn linear_light_stays_linear_where_patches_are_cut_differently() {
+    let light = |p: DVec3, n: DVec3| 8.0 + p.x + 0.5 * p.y + n.z;
+    // Patches of many elements, and of one where they are not refined.
+    for (sizes, choices) in [([1.0, 0.25], [1, 2, 3]), ([0.75, 0.75], [1, 2, 4]), ([1.0, 0.5], [5, 2, 1])] {
+        let mut solution = solve_refined(read(SHEETS), sizes, 1.0, mixed(choices));
+        paint(&mut solution, light);
+        // The trapezoid's elements differ in size, which a gradient from cell to cell does not know.
+        let parallel = |c: &[DVec3]| c[0].x < 10.0;
+        let error = worst(&solution, light, |c, _| parallel(c));
+        assert!(error < 1e-4, "{sizes:?}: {error}");
+        let mut uniform = solve_refined(read(SHEETS), sizes, 1.0, |_| 1);
+        paint(&mut uniform, light);
+        let [error, of_uniform] = [&solution, &uniform].map(|solution| worst(solution, light, |c, _| !parallel(c)));
+        assert!(error <= of_uniform, "{sizes:?}: {error}, uniform {of_uniform}");
+        let inquiry = here(&solution);
+        let surface = SurfaceLight::new(&solution);
+        for (element, corners, normal) in elements(&solution).into_iter().filter(|(_, c, _)| parallel(c)) {
+            let frame = crate::mesh::Frame::from_corners(&corners);
+            for within in [DVec2::splat(0.25), DVec2::new(0.02, 0.03)] {
+                let place = frame.at(within);
+                let got = f64::from(at_once(surface.at(&inquiry, element, within)).unwrap()[0]);
+                assert!((got - light(place, normal)).abs() < 1e-4, "element {element} at {within}");
+            }
+        }
+    }
+}
+
+#[test]
+fn no_seam_between_patches_that_are_cut_differently() {
+    let mut solution = solve_refined(read(SHEETS), [0.75, 0.75], 1.0, mixed([1, 2, 4]));
+    paint(&mut solution, |p, _| 3.0 + (p.x - 2.0) * (p.x - 2.0) + (p.y - 1.0) * p.x);
+    let (mesh, smooth) = (&solution.mesh, Smooth::new(&solution));
+    let mut between = 0;
+    for facet in &mesh.facets {
+        let triangle = facet.layout() == ringlight_visibility::Layout::Triangle;
+        let patches = facet.patches.map(f64::from);
+        for k in 0..2000 {
+            let t = f64::from(k) * 0.618_033_988_75 % 1.0;
+            let line = |n: f64| (f64::from(k / 3) % (n - 1.0) + 1.0) / n;
+            // On a border of patches along v, along u, or across a triangle; and the way over it.
+            let (at, over) = match k % 3 {
+                0 => (DVec2::new(line(patches[0]), t), DVec2::X),
+                1 => (DVec2::new(t, line(patches[1])), DVec2::Y),
+                _ if triangle => (DVec2::new(t, line(patches[0]) - t), DVec2::ONE),
+                _ => continue,
+            };
+            if triangle && (at.x + at.y > 0.999 || at.y < 0.001) {
+                continue;
+            }
+            for back in facet.sides() {
+                let [a, b] = [-1e-9, 1e-9].map(|way| mesh.find_element(facet, back, at + way * over));
+                between += usize::from(mesh.subdivision(a.0) != mesh.subdivision(b.0));
+                let [a, b] = [a, b].map(|(_, element, within)| f64::from(smooth.at(element, within)[0]));
+                assert!((a - b).abs() < 1e-4 * a.max(1.0), "at {at} over {over}: {a} and {b}");
+            }
+        }
+    }
+    assert!(between > 1000, "only {between} places lie between levels");
 }

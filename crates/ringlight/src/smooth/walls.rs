@@ -1,13 +1,13 @@
 //! Walls that stand on a surface: light on one side of them says nothing about the other.
 
-use super::field::{Part, Side, element_of};
-use super::lattice::Lattice;
+use super::field::Part;
+use super::sheet::Sheets;
 use crate::mesh::walk::{Query, Rule};
-use crate::mesh::{self, Inquiry, Mesh, Patch, Tile};
+use crate::mesh::{self, Inquiry};
 use crate::quantity::{Rgb, photometric};
-use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::Ray;
+use std::sync::Arc;
 
 /// Elements whose light differs by less than this ratio are averaged without looking for a wall between them.
 const CONTRAST: f32 = 1.5;
@@ -20,33 +20,31 @@ const LIFT: f64 = 0.05;
 
 /// Finds walls by rays just above the surface.
 pub struct Walls<'a> {
-    mesh: &'a Mesh,
+    sheets: Arc<Sheets<'a>>,
 }
 
 impl<'a> Walls<'a> {
-    /// Among the occluders of a mesh.
-    pub fn new(mesh: &'a Mesh) -> Walls<'a> {
-        Walls { mesh }
+    /// Among the occluders of a mesh, which has these sheets.
+    pub fn new(sheets: &Arc<Sheets<'a>>) -> Walls<'a> {
+        Walls { sheets: sheets.clone() }
     }
 
-    /// Whether the light of the parts in the plane of facet `facet` differs so much that something may stand between them.
-    pub fn suspects(mesh: &Mesh, facet: u32, parts: &[Part]) -> bool {
-        let plane = |facet: u32| mesh.facets[facet as usize].plane;
+    /// Whether the light of the parts in the plane of a sheet differs so much that something may stand between them.
+    pub fn suspects(sheets: &Sheets<'_>, sheet: u32, parts: &[Part]) -> bool {
+        let plane = |sheet: u32| sheets.facet(sheet).plane;
         let (mut least, mut most) = (f32::INFINITY, 0.0f32);
-        for part in parts.iter().filter(|p| p.side.facet == facet || plane(p.side.facet) == plane(facet)) {
+        for part in parts.iter().filter(|p| p.sheet == sheet || plane(p.sheet) == plane(sheet)) {
             let light = photometric(part.light);
             (least, most) = (least.min(light), most.max(light));
         }
         most > CONTRAST * least
     }
 
-    /// Keeps the parts that the corner at `point` of cell `cell` of `side` sees; all if it sees none. Parts in other
+    /// Keeps the parts that the corner at `point` of cell `cell` of a sheet sees; all if it sees none. Parts in other
     /// planes always stay: over a bend, a straight line tells nothing.
-    pub async fn keep_seen(&self, inquiry: &Inquiry<'_>, side: Side, cell: u32, point: DVec3, parts: &mut Vec<Part>) {
-        let facet = &self.mesh.facets[side.facet as usize];
-        let normal = self.normal(side);
-        let frame = facet.frame();
-        let inward = frame.at(Lattice::of(facet).middle(cell)) - point;
+    pub async fn keep_seen(&self, inquiry: &Inquiry<'_>, sheet: u32, cell: u32, point: DVec3, parts: &mut Vec<Part>) {
+        let (facet, normal) = (self.sheets.facet(sheet), self.normal(sheet));
+        let inward = facet.frame().at(self.sheets.get(sheet).middle(cell)) - point;
         let lift = LIFT * inward.length() * normal;
         let from = point + INSET * inward + lift;
         let seen = self.seen(inquiry, facet.plane, from, lift, parts).await;
@@ -55,21 +53,20 @@ impl<'a> Walls<'a> {
         }
     }
 
-    /// Keeps the parts whose light is seen from `place`, parameters within cell `cell` of `side`. Parts in other planes stay
+    /// Keeps the parts whose light is seen from `place`, parameters within cell `cell` of a sheet. Parts in other planes stay
     /// if any of this plane does.
     pub async fn keep_seen_from(
         &self,
         inquiry: &Inquiry<'_>,
-        side: Side,
+        sheet: u32,
         cell: u32,
         place: DVec2,
         parts: &mut Vec<Part>,
     ) {
-        let facet = &self.mesh.facets[side.facet as usize];
-        let (frame, lattice) = (facet.frame(), Lattice::of(facet));
-        let tile = Tile::of(lattice.layout, lattice.size, cell);
-        let reach = frame.at(lattice.middle(cell)) - frame.at(tile.at(DVec2::ZERO));
-        let lift = LIFT * reach.length() * self.normal(side);
+        let facet = self.sheets.facet(sheet);
+        let (frame, tile) = (facet.frame(), self.sheets.get(sheet).tile(cell));
+        let reach = frame.at(self.sheets.get(sheet).middle(cell)) - frame.at(tile.at(DVec2::ZERO));
+        let lift = LIFT * reach.length() * self.normal(sheet);
         let from = frame.at(tile.at(place)) + lift;
         let seen = self.seen(inquiry, facet.plane, from, lift, parts).await;
         if parts.iter().zip(&seen).any(|(part, &seen)| seen && self.plane(part) == facet.plane) {
@@ -101,32 +98,32 @@ impl<'a> Walls<'a> {
     }
 
     fn plane(&self, part: &Part) -> u32 {
-        self.mesh.facets[part.side.facet as usize].plane
+        self.sheets.facet(part.sheet).plane
     }
 
-    fn normal(&self, side: Side) -> DVec3 {
-        let normal = self.mesh.facets[side.facet as usize].frame().area_vector().normalize();
-        if side.back { -normal } else { normal }
+    fn normal(&self, sheet: u32) -> DVec3 {
+        let normal = self.sheets.facet(sheet).frame().area_vector().normalize();
+        if self.sheets.get(sheet).back { -normal } else { normal }
     }
 
     /// Where the light of a part was found; none if it was taken from neighbours.
     fn sample_point(&self, part: &Part) -> Option<DVec3> {
-        let element = element_of(self.mesh, part.side, part.cell);
-        let patch = patch_of(self.mesh, part.side, element);
-        patch.sample_point(element - patch.first_element, self.mesh.valid[element as usize])
+        let (mesh, element) = (self.sheets.mesh(), self.sheets.element(part.sheet, part.cell));
+        let patch = mesh.patch(mesh.patch_of(element));
+        patch.sample_point(element - patch.first_element, mesh.valid[element as usize])
     }
 
     /// Whether `place`, parameters within an element, is covered or lies in a crack while the element's light is from
     /// outside.
-    pub async fn hides(&self, inquiry: &Inquiry<'_>, side: Side, cell: u32, place: DVec2) -> bool {
-        let element = element_of(self.mesh, side, cell);
-        let patch = patch_of(self.mesh, side, element);
+    pub async fn hides(&self, inquiry: &Inquiry<'_>, element: u32, place: DVec2) -> bool {
+        let mesh = self.sheets.mesh();
+        let patch = mesh.patch(mesh.patch_of(element));
         let k = element - patch.first_element;
         let point = patch.frame.at(patch.element_tile(k).at(place));
-        let sample = patch.sample_point(k, self.mesh.valid[element as usize]);
+        let sample = patch.sample_point(k, mesh.valid[element as usize]);
         match sample {
             None => true,
-            Some(sample) => mesh::is_hidden_beside(self.mesh, inquiry, &patch, point, sample).await,
+            Some(sample) => mesh::is_hidden_beside(mesh, inquiry, &patch, point, sample).await,
         }
     }
 }
@@ -137,20 +134,8 @@ fn keep(parts: &mut Vec<Part>, kept: &[bool]) {
     parts.retain(|_| kept.next() == Some(&true));
 }
 
-/// The patch that holds an element of a side.
-fn patch_of(mesh: &Mesh, side: Side, element: u32) -> Patch {
-    let facet = &mesh.facets[side.facet as usize];
-    let (first_patch, first_element) = if side.back {
-        (facet.first_back_patch, facet.first_back_element)
-    } else {
-        (facet.first_patch, facet.first_element)
-    };
-    mesh.patch(first_patch + (element - first_element) / facet.elements_per_patch())
-}
-
 /// The light of a corner that differs from that of the vertex it shares.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
+#[derive(Clone, Copy, Debug)]
 pub struct Split {
     /// Element.
     pub element: u32,

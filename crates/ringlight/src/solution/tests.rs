@@ -12,12 +12,19 @@ use std::io::{self, Write};
 
 /// A floor of squares with `side` elements along its edges, in patches of 4 × 4, and light of which no two elements have the same.
 fn floor(side: u32) -> Solution {
+    refined_floor(side, |_| 1)
+}
+
+/// The same with patches that are refined.
+fn refined_floor(side: u32, subdivision: impl Fn(u32) -> u8) -> Solution {
     let obj = "v 0 0 0\nv 0 0 -1\nv -1 0 -1\nv -1 0 0\nv -1 1 0\nusemtl grey\nf 1 2 3 4\nusemtl glow\nf 1 4 5\n";
     let scene = fixture::read(obj);
     let element = 1.0 / f64::from(side);
     let options =
         MeshOptions { patch_size: Some(4.0 * element), element_size: Some(element), ..MeshOptions::default() };
     let mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
+    let subdivisions: Vec<u8> = (0..mesh.patch_count() as u32).map(subdivision).collect();
+    let mesh = mesh.refined(&scene, &subdivisions, Store::Heap).unwrap();
     let value = |i: usize| (i as f32).sin().abs();
     let elements = (0..mesh.element_count())
         .map(|e| ElementLight { shot: [value(e), 0.0, 1.0], unshot: [value(e + 1); 3], correction: [0.0; 3] })
@@ -103,16 +110,25 @@ fn large() -> Solution {
 
 #[test]
 fn what_is_read_is_what_was_written() {
-    for solution in [floor(5), large()] {
+    for solution in [floor(5), refined_floor(9, fixture::mixed([1, 2, 3])), large()] {
         let written = bytes(&solution);
         let read = read(&written, Store::Scratch(&HeapScratch)).unwrap();
         assert!(read.light == solution.light && read.ledger == solution.ledger);
         assert!(read.mesh.facets == solution.mesh.facets && read.mesh.clusters == solution.mesh.clusters);
+        assert!(read.mesh.first_elements == solution.mesh.first_elements);
         assert!(read.mesh.valid == solution.mesh.valid && read.mesh.patch_facets == solution.mesh.patch_facets);
         assert!(read.description == solution.description && read.energy == solution.energy);
         assert_eq!(digest(&read), digest(&solution));
         assert!(bytes(&read) == written);
     }
+}
+
+#[test]
+fn elements_that_are_no_grids_are_refused() {
+    let mut solution = refined_floor(9, fixture::mixed([1, 2, 3]));
+    solution.mesh.first_elements[2] += 1;
+    let error = read(&bytes(&solution), Store::Heap).map(|_| ()).unwrap_err().to_string();
+    assert!(error.contains("the elements of patch 1 are not a grid"), "{error}");
 }
 
 #[test]

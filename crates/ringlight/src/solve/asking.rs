@@ -7,7 +7,7 @@ use crate::mesh::{Answer, Inquiry, Mailbox, Mesh, Question, at_once};
 use crate::ring::{Aimed, Answers, Content, Packet, Rays, Samples};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
-use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Points, Shooter};
+use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Points, Shooter, searched};
 use std::collections::{BTreeMap, VecDeque};
 use std::pin::Pin;
 use std::sync::Arc;
@@ -36,9 +36,10 @@ struct Asking<Tasks, F, End> {
     tickets: u32,
 }
 
-/// Finds what a shard has in the way of rays.
-pub fn test(mesh: &Mesh, shard: &Hierarchy, rays: &mut Rays) {
-    rays.test(|&ray, rule| walk::nearest_hit(mesh, shard, &Query { ray, rule: Rule::from_words(rule) }));
+/// Finds what a shard has in the way of rays; counts what it looks at, see [`searched`].
+pub fn test(mesh: &Mesh, shard: &Hierarchy, rays: &mut Rays) -> u64 {
+    let nearest_hit = |&ray: &_, rule| walk::nearest_hit(mesh, shard, &Query { ray, rule: Rule::from_words(rule) });
+    searched(|| rays.test(nearest_hit)).1
 }
 
 impl<'a> Ring<'a> {
@@ -62,8 +63,11 @@ impl<'a> Ring<'a> {
                 if some.is_empty() {
                     return Ok(());
                 }
-                let ended: Vec<F::Output> = some.into_par_iter().map(at_once).collect();
-                ended.into_iter().for_each(&mut end);
+                let ended: Vec<_> = some.into_par_iter().map(|task| searched(|| at_once(task))).collect();
+                for (output, looked_at) in ended {
+                    self.count_search(looked_at);
+                    end(output);
+                }
             }
         }
         let most = self.packet_size();

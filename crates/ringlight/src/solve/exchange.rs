@@ -44,6 +44,8 @@ pub struct RingExchange {
 pub struct Effort {
     /// Counts of visibility tests.
     pub tally: Tally,
+    /// Nodes and triangles looked at in search of nearest hits.
+    pub searched: u64,
     /// CPU time that tests took, seconds.
     pub testing: f64,
     /// Sample points of own clusters that were asked for.
@@ -213,24 +215,23 @@ impl RingExchange {
             match &mut packet.content {
                 Content::Samples(samples) => {
                     let test = |(points, masks)| hierarchy.clear_blocked_of(shooter, points, masks);
-                    samples.neighbours_mut().map(test).fold(Tally::default(), Tally::join)
+                    (samples.neighbours_mut().map(test).fold(Tally::default(), Tally::join), 0)
                 }
                 Content::Aimed(aimed) => {
                     let (shooter, points, masks) = aimed.split_mut();
-                    hierarchy.clear_blocked_of(shooter, points, masks)
+                    (hierarchy.clear_blocked_of(shooter, points, masks), 0)
                 }
-                Content::Rays(rays) => {
-                    asking::test(mesh, hierarchy, rays);
-                    Tally::default()
-                }
+                Content::Rays(rays) => (Tally::default(), asking::test(mesh, hierarchy, rays)),
             }
         };
-        let tally = match packets.as_mut_slice() {
+        let join = |a: (Tally, u64), b: (Tally, u64)| (a.0.join(b.0), a.1 + b.1);
+        let (tally, searched) = match packets.as_mut_slice() {
             [] => return,
             [packet] => test(packet),
-            packets => packets.par_iter_mut().map(test).reduce(Tally::default, Tally::join),
+            packets => packets.par_iter_mut().map(test).reduce(Default::default, join),
         };
         self.effort.tally = self.effort.tally.join(tally);
+        self.effort.searched += searched;
         packets.into_iter().for_each(|packet| self.pipeline.tested(packet));
     }
 

@@ -24,6 +24,7 @@ pub struct Ring<'a> {
     share: Arc<Share>,
     geometry: Geometry<'a>,
     tally: Tally,
+    searched: u64,
 }
 
 /// Where the geometry is.
@@ -66,7 +67,7 @@ impl<'a> Ring<'a> {
     /// Of a rank that is alone and holds all geometry.
     pub fn alone(mesh: &'a Mesh, hierarchy: Arc<Hierarchy>) -> Ring<'a> {
         let share = Arc::new(Share::new(mesh, 0, 1));
-        Ring { mesh, share, geometry: Geometry::Here(hierarchy), tally: Tally::default() }
+        Ring { mesh, share, geometry: Geometry::Here(hierarchy), tally: Tally::default(), searched: 0 }
     }
 
     /// Of rank `rank`: builds the hierarchy over its shard.
@@ -102,7 +103,7 @@ impl<'a> Ring<'a> {
                 since,
             }))
         };
-        Ring { mesh, share, geometry, tally: Tally::default() }
+        Ring { mesh, share, geometry, tally: Tally::default(), searched: 0 }
     }
 
     /// The scene.
@@ -143,6 +144,16 @@ impl<'a> Ring<'a> {
     /// Counts of visibility tests made here so far.
     pub fn tally(&self) -> Tally {
         self.wider().map_or(self.tally, |wider| wider.exchange.effort().tally)
+    }
+
+    /// Nodes and triangles looked at here so far in search of nearest hits, for own tasks and those of other members.
+    pub fn searched(&self) -> u64 {
+        self.wider().map_or(self.searched, |wider| wider.exchange.effort().searched)
+    }
+
+    /// Counts them for tasks that are done at once.
+    pub(super) fn count_search(&mut self, looked_at: u64) {
+        self.searched += looked_at;
     }
 
     /// Counts of packets so far.

@@ -120,6 +120,12 @@ impl Communicator<'_> {
         })
     }
 
+    /// Gives every rank its part, and brings what all have given to this one, in the order of ranks.
+    pub fn exchange(&mut self, tag: u32, parts: Vec<Vec<u8>>) -> Result<Vec<Vec<u8>>, Failure> {
+        parts.into_iter().enumerate().for_each(|(to, part)| self.send(to, tag, part));
+        (0..self.size()).map(|from| self.wait_for(from, tag)).collect()
+    }
+
     fn wait_for_value<const N: usize>(
         &mut self,
         from: usize,

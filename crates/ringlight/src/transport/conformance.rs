@@ -12,7 +12,7 @@ type Case = fn(&mut Communicator<'_>) -> Result<(), Failure>;
 
 /// Runs the suite; an error on every rank if anything is wrong on any.
 pub fn check(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
-    let cases: [Case; 12] = [
+    let cases: [Case; 13] = [
         all_send_before_any_receives,
         order_is_kept_across_tags,
         a_token_goes_round,
@@ -21,6 +21,7 @@ pub fn check(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
         values_are_reduced,
         every_root_broadcasts,
         every_root_gathers,
+        every_rank_gives_every_other_its_part,
         collectives_pass_by_other_messages,
         what_is_taken_in_while_serving_is_not_waited_for,
         traffic_is_counted,
@@ -177,6 +178,18 @@ fn every_root_gathers(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
         expect(ranks, fits, || format!("round {round}: rank {root} has not gathered what all gave"))?;
         let gathered = ranks.all_gather(13, part(this, round))?;
         expect(ranks, gathered == expected, || format!("round {round}: not all have what all gave"))?;
+    }
+    Ok(())
+}
+
+/// Parts of different lengths, none at all among them; ranks may be one exchange ahead of others.
+fn every_rank_gives_every_other_its_part(ranks: &mut Communicator<'_>) -> Result<(), Failure> {
+    let (this, size) = (ranks.rank(), ranks.size());
+    let part = |from: usize, to: usize, round: usize| content(from, to, round, 3000 * ((from + 2 * to + round) % 3));
+    for round in 0..4 {
+        let given = ranks.exchange(14, (0..size).map(|to| part(this, to, round)).collect())?;
+        let fits = given.iter().enumerate().all(|(from, bytes)| *bytes == part(from, this, round));
+        expect(ranks, given.len() == size && fits, || format!("round {round}: not what the others gave"))?;
     }
     Ok(())
 }

@@ -3,12 +3,21 @@
 
 pub mod pavilion;
 
+use ringlight::column::Store;
+use ringlight::mesh::Mesh;
 use ringlight::resources::{Bytes, Resources};
 use ringlight::scene::{self, ReadOptions, Scene, SceneError, SourceTriangle};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
+
+/// A mesh with patches refined here and there, or as it is.
+pub fn refined(mesh: Mesh, scene: &Scene, mixed: bool) -> Mesh {
+    let subdivision = |patch: u32| [1, 2, 1, 4, 3][(patch.wrapping_mul(0x9e37_79b9) >> 8) as usize % 5];
+    let subdivisions: Vec<u8> = (0..mesh.patch_count() as u32).map(subdivision).collect();
+    if mixed { mesh.refined(scene, &subdivisions, Store::Heap).unwrap() } else { mesh }
+}
 
 /// Files in memory.
 #[derive(Default)]

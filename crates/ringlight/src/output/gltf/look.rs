@@ -132,7 +132,7 @@ fn mean_reflectance(solution: &Solution, facets: &[u32]) -> Rgb {
     let (mut area, mut sum) = (0.0, [0.0; 3]);
     for &f in facets {
         let facet = &mesh.facets[f as usize];
-        for id in facet.first_patch..facet.first_patch + facet.patch_count() {
+        for id in facet.patch_range(false) {
             let patch = mesh.patch(id);
             for k in 0..patch.element_count() {
                 let (share, colour) = (patch.element_area(k), mesh.colour(&patch, patch.first_element + k));

@@ -7,7 +7,7 @@ use super::piece::{Lit, Piece};
 use super::texture::Textures;
 use crate::mesh::{Mesh, NONE};
 use crate::quantity::Rgb;
-use crate::smooth::lattice::Lattice;
+use crate::smooth::sheet::of_patches;
 use glam::{DMat4, DVec3};
 use rayon::prelude::*;
 use ringlight_visibility::Layout;
@@ -50,17 +50,17 @@ const PLAIN_VERTEX: u64 = 20;
 const SHORT_INDICES: u64 = 65_535;
 
 /// Least length of the binary data of a mesh's model: without texture coordinates, and with no vertex more than the corners of
-/// its facets' grids.
+/// its facets' grids before they are refined.
 pub fn least_length(mesh: &Mesh) -> u64 {
     // Vertices, triangles, and whether all elements have the surface's colour: then they are one primitive.
     let mut surfaces = vec![(0u64, 0u64, true); mesh.surface_colours.len()];
     for facet in &mesh.facets {
-        let (lattice, sides) = (Lattice::of(facet), if facet.double_sided() { 2 } else { 1 });
+        let (lattice, sides) = (of_patches(facet).refined(facet.elements.map(u32::from)), facet.sides().count() as u64);
         let halves = if lattice.layout == Layout::Quad { 2 } else { 1 };
         let (vertices, triangles, plain) = &mut surfaces[facet.surface as usize];
         *vertices += sides * lattice.vertex_count() as u64;
         *triangles += sides * halves * u64::from(lattice.cell_count());
-        *plain &= facet.colour == NONE;
+        *plain &= facet.colours[0] == NONE;
     }
     let bytes = |&(vertices, triangles, plain): &(u64, u64, bool)| {
         vertices * PLAIN_VERTEX + triangles * 3 * if plain && vertices > SHORT_INDICES { 4 } else { 2 }
@@ -287,12 +287,14 @@ impl Clipping {
 impl Primitive {
     /// Hands out the pieces in order, made in parallel.
     fn pieces(&self, lit: &Lit<'_>, sink: &mut dyn FnMut(Piece) -> io::Result<()>) -> io::Result<()> {
-        let facets = &lit.solution.mesh.facets;
+        let mesh = &lit.solution.mesh;
         let mut rest = self.facets.as_slice();
         while !rest.is_empty() {
             let mut elements = 0u32;
             let full = rest.iter().position(|&f| {
-                elements = elements.saturating_add(facets[f as usize].element_count());
+                let facet = &mesh.facets[f as usize];
+                let count = |back| mesh.side_elements(facet, back).len() as u32;
+                elements = facet.sides().map(count).fold(elements, u32::saturating_add);
                 elements >= BATCH
             });
             let (batch, after) = rest.split_at(full.map_or(rest.len(), |last| last + 1));

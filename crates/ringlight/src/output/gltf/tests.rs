@@ -1,7 +1,7 @@
 use super::model::least_length;
 use super::{LitOptions, LitReport, check_glb, write_glb, write_gltf};
 use crate::output::Exposure;
-use crate::output::fixture::{closed_box, elements, paint, read, solve};
+use crate::output::fixture::{closed_box, elements, mixed, paint, read, solve, solve_refined};
 use crate::resources::Bytes;
 use crate::scene::{Alpha, Camera, Node, Texture, Wrap};
 use crate::solution::{ImageReference, Solution};
@@ -366,6 +366,13 @@ fn equal_solutions_make_equal_files_for_any_number_of_threads() {
         pool.install(|| write(&solution, &ambient).bytes)
     };
     assert!(bytes(1) == bytes(3));
+}
+
+#[test]
+fn models_of_patches_that_are_cut_differently_are_valid() {
+    let obj = format!("{}v 0.2 0.2 0.5\nv 0.8 0.2 0.5\nv 0.2 0.8 0.5\nusemtl glow\nf 9 10 11\n", closed_box("grey"));
+    let solution = solve_refined(read(&obj), [0.3, 0.15], 0.1, mixed([1, 2, 3, 4]));
+    check_with_validator("mixed elements", &write(&solution, &options(1.0)).bytes);
 }
 
 #[test]

@@ -3,11 +3,14 @@
 //! A sample of a pixel follows a ray of sight to what it meets, and shows there the light of the solution, interpolated
 //! between elements, with the full textures. There is no randomness: equal solutions give equal pictures.
 
+mod casting;
 mod false_colour;
 mod file;
 mod grid;
 mod legend;
+mod load;
 mod paint;
+mod split;
 #[cfg(test)]
 mod tests;
 mod texture;
@@ -16,16 +19,19 @@ mod tone;
 pub use false_colour::{FalseColour, Scale, Unit};
 pub use file::{write_exr, write_png};
 pub use grid::grid_picture;
+pub use load::{PictureLoad, max_over_mean};
+pub use split::Split;
 pub use tone::Tone;
 
 use super::{Exposure, View};
-use crate::mesh::Inquiry;
 use crate::quantity::Rgb;
-use crate::smooth::Smooth;
+use crate::smooth::Divided;
 use crate::solution::Solution;
 use crate::solve::Ring;
 use crate::transport::{Communicator, Failure};
+use casting::{Casting, Cost};
 use paint::{Painter, Sample};
+use split::Part;
 
 /// What picture to make.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,6 +52,8 @@ pub struct PictureOptions {
     pub samples_per_axis: u32,
     /// Irradiance to add everywhere, W/m² or lux: an estimate of the light not yet shot (Cohen 1988).
     pub ambient: Rgb,
+    /// Who draws what. It never changes the picture.
+    pub split: Split,
 }
 
 impl PictureOptions {
@@ -60,6 +68,7 @@ impl PictureOptions {
             false_colour: None,
             samples_per_axis: 4,
             ambient: [0.0; 3],
+            split: Split::default(),
         }
     }
 }
@@ -91,25 +100,43 @@ const PIXELS: u32 = 61;
 /// Bytes of a pixel on its way: radiance, and what is shown.
 const PIXEL: usize = 12 + 3;
 
-/// Makes a picture.
+/// Pixels that a rank sends at a time.
+const BATCH: usize = 1 << 16;
+
+/// What was drawn, as rank 0 has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawn {
+    /// The picture.
+    pub picture: Picture,
+    /// How it was divided.
+    pub split: Split,
+    /// What each rank did for it.
+    pub loads: Vec<PictureLoad>,
+}
+
+/// Draws a picture.
 ///
 /// Surfaces that let light through are laid over what is behind them, unrefracted; unlit backs of single-sided surfaces are
 /// not seen. Behind everything is the sky, if the solution has one, above the horizon, and else black.
 ///
-/// Every rank calls it and draws rows: rank i of N those whose number is i modulo N. The picture is on rank 0.
+/// Every rank calls it and draws its part, see [`Split`], with light that the ranks have divided among them. The picture is on
+/// rank 0.
 pub fn render<'a>(
     solution: &'a Solution,
     options: &PictureOptions,
     ring: &mut Ring<'a>,
     ranks: &mut Communicator<'_>,
-) -> Result<Option<Picture>, Failure> {
-    let (width, height) = (options.width.max(1), options.height.max(1));
-    let smooth = Smooth::over_ranks(solution, ring, ranks)?;
-    let painter = Painter::new(solution, smooth, options.ambient);
-    let rough = rough(&painter, &options.view, [width, height], ring, ranks)?;
+) -> Result<Option<Drawn>, Failure> {
+    let size = [options.width.max(1), options.height.max(1)];
+    let light = Divided::new(solution, ring, ranks)?;
+    let painter = Painter::new(solution, options.ambient);
+    let places = places(options.samples_per_axis.clamp(1, 16));
+    let (view, split) = (&options.view, options.split);
+    let casting = Casting { painter: &painter, light: &light, view, size, step: 1.0, grid: size, split, places };
+    let before = ring.searched();
+    let (rough, rough_cost) = rough(&casting, ring, ranks)?;
     let exposure = options.exposure.unwrap_or_else(|| options.tone.expose(&rough));
     let scale = options.false_colour.map(|wanted| Scale::new(wanted, &rough));
-    let places = places(options.samples_per_axis.clamp(1, 16));
     let pixel = |samples: &[Sample]| {
         let linear = mean(samples.iter().map(|s| s.radiance));
         // Tones come before the mean, lest a lamp's edge be as jagged as if there were one sample.
@@ -119,73 +146,77 @@ pub fn render<'a>(
         };
         (linear, shown)
     };
-    // As many pixels at a time as make a packet.
-    let run = (ring.packet_size() / places.len()).clamp(1, width as usize);
-    let (rank, size) = (ranks.rank(), ranks.size());
-    let mut own = vec![([0.0; 3], [0; 3]); (height as usize).saturating_sub(rank).div_ceil(size) * width as usize];
-    let rows = (rank..height as usize).step_by(size).enumerate();
-    let runs = rows.flat_map(|(own, row)| (0..width as usize).step_by(run).map(move |column| (own, row, column)));
-    let (painter, places, pixel) = (&painter, &places, &pixel);
-    let task = |(own, row, first): (usize, usize, usize), inquiry: Inquiry<'a>| async move {
-        let columns = first..(first + run).min(width as usize);
-        let at = columns.flat_map(|column| places.iter().map(move |[x, y]| [column as f64 + x, row as f64 + y]));
-        let rays = at.map(|at| painter.follow(pixel_ray(&options.view, at, [width, height])));
-        let samples: Vec<Sample> =
-            inquiry.follow(rays.collect::<Vec<_>>()).await.iter().map(|ray| ray.sample).collect();
-        (own * width as usize + first, samples.chunks(places.len()).map(pixel).collect::<Vec<_>>())
+    let (own, cost) = casting.cast(pixel, ring, ranks)?;
+    let load = PictureLoad {
+        pixels: own.len() as u64,
+        rays: rough_cost.rays + cost.rays,
+        searched: ring.searched() - before,
+        elements_asked: rough_cost.elements + cost.elements,
+        light_bytes: light.bytes() as u64,
+        light_bytes_while_found: light.bytes_while_found() as u64,
     };
-    ring.ask(ranks, runs, task, |(first, pixels)| own[first..][..pixels.len()].copy_from_slice(&pixels))?;
-    let count = if rank == 0 { width as usize * height as usize } else { 0 };
-    let mut picture =
-        Picture { width, height, linear: Vec::with_capacity(count), shown: Vec::with_capacity(count), exposure, scale };
-    let part = |batch: usize| {
-        let row = own.chunks(width as usize).nth(batch).unwrap_or_default();
-        row.iter().flat_map(|(linear, shown)| linear.iter().flat_map(|x| x.to_le_bytes()).chain(*shown)).collect()
-    };
-    let take = |_, rows: Vec<Vec<u8>>| {
-        for pixel in rows.iter().flat_map(|row| row.as_chunks::<PIXEL>().0) {
-            let word = |c: usize| f32::from_le_bytes(std::array::from_fn(|i| pixel[4 * c + i]));
-            picture.linear.push([0, 1, 2].map(word));
-            picture.shown.push([12, 13, 14].map(|i| pixel[i]));
-        }
-        Ok::<(), Failure>(())
-    };
-    ranks.gather_batches(PIXELS, (height as usize).div_ceil(size), part, take)??;
-    if rank > 0 {
-        return Ok(None);
-    }
+    let count = if ranks.rank() == 0 { size[0] as usize * size[1] as usize } else { 0 };
+    let (linear, shown) = (vec![[0.0; 3]; count], vec![[0; 3]; count]);
+    let mut picture = Picture { width: size[0], height: size[1], linear, shown, exposure, scale };
+    put_together(&mut picture, split, &own, ranks)?;
+    let Some(loads) = load.gather(ranks)? else { return Ok(None) };
     if let Some(scale) = scale {
         legend::draw(&mut picture, &scale);
     }
-    Ok(Some(picture))
+    Ok(Some(Drawn { picture, split, loads }))
 }
 
 /// Samples of a rough picture, row by row, on all ranks.
 fn rough<'a>(
-    painter: &Painter<'a>,
-    view: &View,
-    [width, height]: [u32; 2],
+    casting: &Casting<'_, 'a>,
     ring: &mut Ring<'a>,
     ranks: &mut Communicator<'_>,
-) -> Result<Vec<Sample>, Failure> {
-    let step = f64::from(width.max(height)) / f64::from(ROUGH_SIDE);
-    let step = step.max(1.0);
-    let [columns, rows] = [width, height].map(|n| (f64::from(n) / step).ceil() as u32);
-    let (rank, size) = (ranks.rank(), ranks.size());
-    let mut own: Vec<(u32, Vec<Sample>)> = Vec::new();
-    let task = |row: u32, inquiry: Inquiry<'a>| async move {
-        let at = (0..columns).map(|column| [column, row].map(|n| (f64::from(n) + 0.5) * step));
-        let rays = at.map(|at| painter.follow(pixel_ray(view, at, [width, height])));
-        (row, inquiry.follow(rays.collect::<Vec<_>>()).await.iter().map(|ray| ray.sample).collect())
+) -> Result<(Vec<Sample>, Cost), Failure> {
+    let [width, height] = casting.size;
+    let step = (f64::from(width.max(height)) / f64::from(ROUGH_SIDE)).max(1.0);
+    let grid = casting.size.map(|n| (f64::from(n) / step).ceil() as u32);
+    let (own, cost) =
+        Casting { step, grid, places: vec![[0.5; 2]], ..*casting }.cast(|s| s[0].to_words(), ring, ranks)?;
+    let all = ranks.all_gather(SAMPLES, bytemuck::cast_slice(&own).to_vec())?;
+    let mut samples = vec![Sample::default(); grid[0] as usize * grid[1] as usize];
+    for (rank, bytes) in all.iter().enumerate() {
+        let part = casting.split.part(grid, rank, ranks.size());
+        let words: Vec<[u32; Sample::WORDS]> = bytemuck::pod_collect_to_vec(bytes);
+        for (k, words) in words.into_iter().enumerate() {
+            let [column, row] = part.place(k).map(|n| n as usize);
+            samples[row * grid[0] as usize + column] = Sample::from_words(words);
+        }
+    }
+    Ok((samples, cost))
+}
+
+/// Puts the pixels of all ranks in their places on rank 0.
+fn put_together(
+    picture: &mut Picture,
+    split: Split,
+    own: &[(Rgb, [u8; 3])],
+    ranks: &mut Communicator<'_>,
+) -> Result<(), Failure> {
+    let (width, ranks_in_all) = (picture.width as usize, ranks.size());
+    let parts: Vec<Part> =
+        (0..ranks_in_all).map(|rank| split.part([picture.width, picture.height], rank, ranks_in_all)).collect();
+    let batches = parts.iter().map(Part::pixels).max().unwrap_or(0).div_ceil(BATCH);
+    let part = |batch: usize| {
+        let pixels = own.iter().skip(batch * BATCH).take(BATCH);
+        pixels.flat_map(|(linear, shown)| linear.iter().flat_map(|x| x.to_le_bytes()).chain(*shown)).collect()
     };
-    ring.ask(ranks, (rank as u32..rows).step_by(size), task, |row| own.push(row))?;
-    own.sort_unstable_by_key(|(row, _)| *row);
-    let words = own.iter().flat_map(|(_, row)| row).map(|sample| sample.to_words());
-    let words: Vec<[u32; Sample::WORDS]> = words.collect();
-    let all = ranks.all_gather(SAMPLES, bytemuck::cast_slice(&words).to_vec())?;
-    let all: Vec<Vec<[u32; Sample::WORDS]>> = all.iter().map(|part| bytemuck::pod_collect_to_vec(part)).collect();
-    let row = |row: usize| all[row % size].chunks(columns as usize).nth(row / size).unwrap_or_default();
-    Ok((0..rows as usize).flat_map(row).map(|words| Sample::from_words(*words)).collect())
+    let take = |batch: usize, all: Vec<Vec<u8>>| {
+        for (part, bytes) in parts.iter().zip(&all) {
+            for (k, pixel) in bytes.as_chunks::<PIXEL>().0.iter().enumerate() {
+                let [column, row] = part.place(batch * BATCH + k).map(|n| n as usize);
+                let word = |c: usize| f32::from_le_bytes(std::array::from_fn(|i| pixel[4 * c + i]));
+                picture.linear[row * width + column] = [0, 1, 2].map(word);
+                picture.shown[row * width + column] = [12, 13, 14].map(|i| pixel[i]);
+            }
+        }
+        Ok::<(), Failure>(())
+    };
+    ranks.gather_batches(PIXELS, batches, part, take)?
 }
 
 /// The ray through a place of the picture, in pixels from its upper left corner.

@@ -1,4 +1,4 @@
-//! What a ray of sight brings back.
+//! What rays of sight meet, and what they show.
 
 use super::texture::Textures;
 use crate::mesh::walk::{Query, Walk};
@@ -6,9 +6,9 @@ use crate::mesh::{Facet, Mesh, NONE, OPAQUE_COVERAGE};
 use crate::output::seen::{Seen, seen, sight};
 use crate::quantity::{MAX_REFLECTANCE, Rgb, photometric};
 use crate::scene::{Alpha, Material};
-use crate::smooth::Smooth;
 use crate::solution::Solution;
-use ringlight_visibility::{Hit, Ray};
+use glam::DVec2;
+use ringlight_visibility::{Hit, Layout, Ray};
 use std::f32::consts::PI;
 
 /// A ray of sight passes at most this many see-through surfaces.
@@ -44,11 +44,10 @@ impl Sample {
     }
 }
 
-/// Finds samples.
+/// Follows rays, and composes samples from what they meet.
 pub struct Painter<'a> {
     solution: &'a Solution,
     mesh: &'a Mesh,
-    smooth: Smooth<'a>,
     textures: Textures,
     ambient: Rgb,
 }
@@ -62,7 +61,26 @@ struct Finish {
     emission: Rgb,
 }
 
-/// A ray of sight on its way: L = (ρ·E + Bₑ)/π of the first surface, and of those behind it as far as it lets light through.
+/// What a ray of sight has met: all that is known of a sample but the light that falls there.
+#[derive(Clone, Copy, Debug)]
+pub struct Fragment {
+    /// Number of the facet.
+    pub facet: u32,
+    /// Number of the element.
+    pub element: u32,
+    /// Parameters within the element.
+    pub within: DVec2,
+    /// Share of what it sends that comes through what is before it.
+    passing: f32,
+    /// Share of the ray that it covers, times its reflectance.
+    reflectance: Rgb,
+    /// Emitted radiance.
+    emission: Rgb,
+    /// Whether it is more than half opaque.
+    opaque: bool,
+}
+
+/// A ray of sight on its way, to the first surface, and to those behind it as far as it lets light through.
 pub struct Sight<'p, 'a> {
     painter: &'p Painter<'a>,
     ray: Ray,
@@ -70,8 +88,12 @@ pub struct Sight<'p, 'a> {
     layers: usize,
     /// Share of what is behind that comes through what it has met.
     passing: f32,
-    /// What it has brought back so far.
-    pub sample: Sample,
+    /// What it has met so far, in the order of depth.
+    pub fragments: Vec<Fragment>,
+    /// What of the sky comes through all of them.
+    pub sky: Rgb,
+    /// Rays that were followed for it.
+    pub rays: u64,
 }
 
 impl Walk for Sight<'_, '_> {
@@ -80,25 +102,24 @@ impl Walk for Sight<'_, '_> {
     }
 
     fn answer(&mut self, hit: Option<Hit>) {
-        let Sight { painter, ray, passing, sample, .. } = self;
+        let Sight { painter, ray, passing, .. } = self;
+        self.rays += 1;
         let Some(hit) = hit else {
-            let sky = painter.sky(ray);
-            sample.radiance = std::array::from_fn(|c| sample.radiance[c] + *passing * sky[c]);
+            self.sky = painter.sky(ray).map(|x| *passing * x);
             self.layers = 0;
             return;
         };
         let seen = seen(painter.mesh, ray, hit);
         let finish = painter.finish(&seen);
-        let light = painter.smooth.at(seen.element, seen.within);
-        let light: Rgb = std::array::from_fn(|c| light[c] + painter.ambient[c]);
-        sample.radiance = std::array::from_fn(|c| {
-            let reflected = finish.coverage * finish.reflectance[c] * light[c] / PI;
-            sample.radiance[c] + *passing * (reflected + finish.emission[c])
+        self.fragments.push(Fragment {
+            facet: seen.facet,
+            element: seen.element,
+            within: seen.within,
+            passing: *passing,
+            reflectance: finish.reflectance.map(|x| finish.coverage * x),
+            emission: finish.emission,
+            opaque: finish.coverage > 0.5,
         });
-        sample.emits |= finish.emission.iter().any(|&x| x > 0.0);
-        if finish.coverage > 0.5 && sample.illuminance.is_none() {
-            sample.illuminance = Some(photometric(light));
-        }
         *passing *= 1.0 - finish.coverage;
         self.layers = if *passing < LEAST_PASSING { 0 } else { self.layers - 1 };
         ray.near = seen.distance.next_up();
@@ -107,13 +128,39 @@ impl Walk for Sight<'_, '_> {
 
 impl<'a> Painter<'a> {
     /// Decodes the textures. `ambient` is irradiance to add everywhere.
-    pub fn new(solution: &'a Solution, smooth: Smooth<'a>, ambient: Rgb) -> Painter<'a> {
-        Painter { solution, mesh: &solution.mesh, smooth, textures: Textures::decode(solution), ambient }
+    pub fn new(solution: &'a Solution, ambient: Rgb) -> Painter<'a> {
+        Painter { solution, mesh: &solution.mesh, textures: Textures::decode(solution), ambient }
     }
 
-    /// A ray that sets off to find a sample.
+    /// A ray that sets off to find what a sample shows.
     pub fn follow(&self, ray: Ray) -> Sight<'_, 'a> {
-        Sight { painter: self, ray, layers: MOST_LAYERS, passing: 1.0, sample: Sample::default() }
+        let (fragments, sky) = (Vec::new(), [0.0; 3]);
+        Sight { painter: self, ray, layers: MOST_LAYERS, passing: 1.0, fragments, sky, rays: 0 }
+    }
+
+    /// The layout of the facet that a fragment lies on.
+    pub fn layout(&self, fragment: &Fragment) -> Layout {
+        self.mesh.facets[fragment.facet as usize].layout()
+    }
+
+    /// The sample that shows these fragments, nearest first, and the sky behind: L = (ρ·E + Bₑ)/π of each, as far as what is
+    /// before it lets light through. `light` tells the irradiance E, W/m² or lux.
+    pub fn compose(&self, fragments: &[Fragment], sky: Rgb, light: impl Fn(&Fragment) -> Rgb) -> Sample {
+        let mut sample = Sample::default();
+        for fragment in fragments {
+            let light = light(fragment);
+            let light: Rgb = std::array::from_fn(|c| light[c] + self.ambient[c]);
+            sample.radiance = std::array::from_fn(|c| {
+                let reflected = fragment.reflectance[c] * light[c] / PI;
+                sample.radiance[c] + fragment.passing * (reflected + fragment.emission[c])
+            });
+            sample.emits |= fragment.emission.iter().any(|&x| x > 0.0);
+            if fragment.opaque && sample.illuminance.is_none() {
+                sample.illuminance = Some(photometric(light));
+            }
+        }
+        sample.radiance = std::array::from_fn(|c| sample.radiance[c] + sky[c]);
+        sample
     }
 
     /// Radiance of what is behind everything.

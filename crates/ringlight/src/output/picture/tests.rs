@@ -1,8 +1,10 @@
 use super::*;
-use crate::output::fixture::over_ranks;
+use crate::output::fixture::{mixed, over_ranks, read, solve_refined};
 use crate::output::scenes::{automatic, draw};
 use crate::output::{Projection, View, scenes};
 use crate::ring::{Rings, Routing};
+use crate::scene::Material;
+use crate::smooth::Smooth;
 use crate::solve::Spread;
 use glam::DVec3;
 use std::io::Cursor;
@@ -106,21 +108,100 @@ fn the_picture_is_the_same_on_one_thread_and_on_two() {
     assert_eq!(files[0], files[1]);
 }
 
+/// The room with a wall on its floor, which cuts corners of the floor's elements off from each other.
+fn room_with_wall() -> Solution {
+    scenes::solved(&(scenes::ROOM.to_owned() + WALL), 0.5)
+}
+
+const WALL: &str = "v 11 0 3\nv 13 0 3\nv 13 1 3\nv 11 1 3\nusemtl grey\no screen\nf -4 -3 -2 -1\n";
+
+/// Lets half of the light through the surfaces of this name.
+fn make_see_through(solution: &mut Solution, name: &str) {
+    let surface = solution.description.surfaces.iter().position(|s| &*s.name == name).unwrap();
+    solution.mesh.occluder.coverage[surface] = 0.5;
+    let shared = solution.description.surfaces[surface].material as usize;
+    let material = Material { transmission: 0.5, ..solution.description.materials[shared].clone() };
+    solution.description.surfaces[surface].material = solution.description.materials.len() as u32;
+    solution.description.materials.push(material);
+}
+
 #[test]
-fn the_picture_is_the_same_on_one_rank_and_on_many() {
-    let obj =
-        scenes::ROOM.to_owned() + "v 11 0 3\nv 13 0 3\nv 13 1 3\nv 11 1 3\nusemtl grey\no screen\nf -4 -3 -2 -1\n";
-    let solution = scenes::solved(&obj, 0.5);
-    let one = draw(&solution, &options(automatic(&solution, 1.5)));
-    let over = |ranks, rings| Spread::new(Rings::new(ranks, rings).unwrap());
-    let small = Spread { routing: Routing::All, packet_size: 7, window: 2, ..over(4, 1) };
-    for spread in [over(2, 1), over(3, 2), over(3, 3), small] {
-        let many = over_ranks(&solution, &spread, |ring, ranks| {
-            let view = View::automatic(&solution, 1.5, ring, ranks)?;
-            render(&solution, &options(view), ring, ranks)
-        });
-        assert_eq!(many.as_ref(), Some(&one), "{spread:?}");
+fn the_picture_is_the_same_on_one_rank_and_on_many_however_it_is_divided() {
+    let opaque = room_with_wall();
+    let mut see_through = opaque.clone();
+    make_see_through(&mut see_through, "screen");
+    let mixed = solve_refined(read(&(scenes::ROOM.to_owned() + WALL)), [1.0, 0.5], 0.01, mixed([1, 2, 4]));
+    for solution in [opaque, see_through, mixed] {
+        let smooth = Smooth::new(&solution);
+        let split = (0..solution.mesh.element_count() as u32).filter(|&element| smooth.is_split(element)).count();
+        assert!(split > 0, "a wall cuts corners off");
+        let one = draw(&solution, &options(automatic(&solution, 1.5)));
+        let over = |ranks, rings| Spread::new(Rings::new(ranks, rings).unwrap());
+        let small = Spread { routing: Routing::All, packet_size: 7, window: 2, ..over(4, 1) };
+        let spreads =
+            [over(1, 1), over(2, 1), over(2, 2), over(3, 1), over(3, 2), over(3, 3), over(8, 1), over(8, 3), small];
+        for (spread, split) in spreads.iter().flat_map(|s| [Split::Tiles, Split::Scanlines].map(|split| (s, split))) {
+            let drawn = over_ranks(&solution, spread, |ring, ranks| {
+                let view = View::automatic(&solution, 1.5, ring, ranks)?;
+                render(&solution, &PictureOptions { split, ..options(view) }, ring, ranks)
+            });
+            let Drawn { picture, loads, .. } = drawn.unwrap();
+            assert!(picture == one, "{split:?} {spread:?}");
+            assert_eq!(loads.len(), spread.rings.ranks());
+            assert_eq!(loads.iter().map(|load| load.pixels).sum::<u64>(), 24 * 16);
+            assert!(loads.iter().map(|load| load.searched).sum::<u64>() > 0);
+        }
     }
+}
+
+#[test]
+fn a_see_through_surface_takes_a_ray_more() {
+    let opaque = room_with_wall();
+    let mut see_through = opaque.clone();
+    make_see_through(&mut see_through, "screen");
+    let rays = [opaque, see_through].map(|solution| {
+        let spread = Spread::new(Rings::new(2, 1).unwrap());
+        // Straight at the screen, which fills the picture.
+        let view = towards([12.0, 0.5, 4.0], [12.0, 0.5, 3.0]);
+        let drawn = over_ranks(&solution, &spread, |ring, ranks| render(&solution, &options(view), ring, ranks));
+        drawn.unwrap().loads.iter().map(|load| load.rays).sum::<u64>()
+    });
+    let samples = 24 * 16 * 5;
+    assert_eq!(rays, [samples, 2 * samples], "four of each pixel and one of the rough picture");
+}
+
+#[test]
+fn each_rank_keeps_its_share_of_the_light_between_the_samples() {
+    // Walls in many pieces, as models have them: of one facet each, a rank would have at least one.
+    let solution = scenes::solved(&tiled_floor(48), 1.0);
+    let kept = |ranks: usize| {
+        let spread = Spread::new(Rings::one(ranks));
+        let drawn = over_ranks(&solution, &spread, |ring, ranks| {
+            render(&solution, &options(towards([24.0, 30.0, 24.0], [24.0, 0.0, 24.01])), ring, ranks)
+        });
+        let most = |of: fn(&PictureLoad) -> u64, loads: &[PictureLoad]| loads.iter().map(of).max().unwrap();
+        let loads = drawn.unwrap().loads;
+        [most(|load| load.light_bytes, &loads), most(|load| load.light_bytes_while_found, &loads)]
+    };
+    let whole = kept(1);
+    for ranks in [2, 3, 8] {
+        let [light, while_found] = kept(ranks);
+        let share = whole.map(|bytes| bytes as f64 / ranks as f64);
+        assert!((light as f64) < 1.02 * share[0], "{light} of {} on {ranks}", whole[0]);
+        // With that of the facets around.
+        assert!((while_found as f64) < 1.5 * share[1], "{while_found} of {} on {ranks}", whole[1]);
+    }
+}
+
+/// So many by so many separate squares of a metre, and a lamp above them.
+fn tiled_floor(side: u32) -> String {
+    let mut obj = String::from("o floor\nusemtl grey\n");
+    for (x, z) in (0..side).flat_map(|x| (0..side).map(move |z| (x, z))) {
+        let corners = [(x, z), (x, z + 1), (x + 1, z + 1), (x + 1, z)];
+        obj += &corners.map(|(x, z)| format!("v {x} 0 {z}\n")).concat();
+        obj += "f -4 -3 -2 -1\n";
+    }
+    obj + "v 20 9 20\nv 28 9 20\nv 28 9 28\nv 20 9 28\no lamp\nusemtl lamp\nf -4 -3 -2 -1\n"
 }
 
 #[test]

@@ -30,7 +30,7 @@ use std::borrow::Cow;
 use std::io;
 
 const MAGIC: &[u8; 8] = b"RINGLIGH";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Bytes of a section's name.
 const NAME: usize = 24;
@@ -42,9 +42,10 @@ const SECTION: usize = 1 << 20;
 const HEADER: &str = "header";
 
 /// The arrays between the header and the light, in the order in which they stand.
-const ARRAYS: [&str; 11] = [
+const ARRAYS: [&str; 12] = [
     "facets",
     "patch-facets",
+    "first-elements",
     "clusters",
     "base-uv",
     "emission-uv",

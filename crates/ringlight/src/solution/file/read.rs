@@ -89,6 +89,7 @@ impl<'a> SolutionFile<'a> {
             sizes: header.sizes,
             facets: sections.array("facets", store)?,
             patch_facets: sections.array("patch-facets", store)?,
+            first_elements: sections.array("first-elements", store)?,
             clusters: sections.array::<StoredCluster>("clusters", Store::Heap)?.iter().map(Cluster::from).collect(),
             base_uv: sections.array("base-uv", store)?,
             emission_uv: sections.array("emission-uv", store)?,

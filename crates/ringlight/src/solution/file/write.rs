@@ -233,8 +233,8 @@ fn header<'a>(snapshot: &Snapshot<'a>) -> Header<'a> {
 
 /// All arrays but the header and the light, in the order of [`ARRAYS`].
 fn arrays(mesh: &Mesh) -> [Array<'_>; ARRAYS.len()] {
-    let [facets, patch_facets, clusters, base_uv, emission_uv, vertices, surfaces, colours, valid, coverage, bits] =
-        ARRAYS;
+    let [facets, patch_facets, first_elements, clusters, base_uv, emission_uv, vertices, rest @ ..] = ARRAYS;
+    let [surfaces, colours, valid, coverage, bits] = rest;
     let occluder = &mesh.occluder;
     let bitmaps = Array {
         name: bits,
@@ -248,6 +248,7 @@ fn arrays(mesh: &Mesh) -> [Array<'_>; ARRAYS.len()] {
     [
         Array::of(facets, &mesh.facets),
         Array::of(patch_facets, &mesh.patch_facets),
+        Array::of(first_elements, &mesh.first_elements),
         Array::made(clusters, &mesh.clusters, |c| StoredCluster::from(c)),
         Array::of(base_uv, &mesh.base_uv),
         Array::of(emission_uv, &mesh.emission_uv),
