@@ -278,6 +278,9 @@ pub struct SizeArguments {
 /// How light is solved.
 #[derive(Debug, Args)]
 pub struct MethodArguments {
+    /// Cut elements in nine where light changes much, up to so many times: edges of shadows, contacts
+    #[arg(long, value_name = "TIMES", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=5))]
+    pub adapt: u32,
     /// Method: plain progressive refinement, the default, or group shooting, which finds all light at once
     #[arg(long, value_enum)]
     pub solver: Option<SolverChoice>,

@@ -1,5 +1,6 @@
 //! `bake`: scene → solution → outputs.
 
+use crate::adapt;
 use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice, SolverChoice};
 use crate::failure::{End, Failure};
 use crate::host::Host;
@@ -7,16 +8,18 @@ use crate::input;
 use crate::launch;
 use crate::outputs::{self, Others};
 use crate::progress::Stage;
-use crate::run::{self, Baked, Made, Run};
+use crate::run::{self, Baked, Made, Run, Solved};
 use crate::showing::Subject;
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
 use ringlight::quantity::Rgb;
-use ringlight::scene::{Place, Warnings};
+use ringlight::scene::{Place, Scene, Warnings};
 use ringlight::shooting::Shoot;
 use ringlight::solution::Description;
-use ringlight::solve::{SolveSettings, Solver, State, World};
+use ringlight::solve::{SolveSettings, Solver, State, StopReason, World};
 use ringlight::transport::Communicator;
+use ringlight_visibility::Hierarchy;
+use std::sync::Arc;
 
 /// Bakes.
 pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failure> {
@@ -28,35 +31,58 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let host = Host::find(run.ranks, arguments.sizes.scratch.as_deref(), frugal)?;
     let settings = settings(&arguments.method, arguments.sizes.quality)?;
     let made = if host.leads() { Some(make(&mut run, arguments, host.store(), settings.sky)?) } else { None };
-    let Made { mut mesh, description, images } = run.share(&host, made)?;
-    run.choose_rings(&host, &mesh, &settings)?;
-    let hierarchy = run.stage(Stage::Build, |run| run.find_valid_samples(&host, &mut mesh))?;
-    let mut ring = run.ring(&mesh, Some(hierarchy));
-    let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
-    let state = State::new(&world, run.ranks)?;
-    if state.emitted <= 0.0 {
-        let mut dark = Warnings::default();
-        let message = "no light leaves the lamps: they are covered by other geometry, or shine past the scene";
-        dark.add("no-light-leaves", message, Place::new(path.display().to_string(), ""));
-        run.warn(&dark);
-    }
-    let subject = Subject { description: &description, mesh: &mesh, settings, images: &images };
-    let solved = run.solve(subject, &world, &mut ring, state, &arguments.stop)?;
-    let hierarchy = run.whole_hierarchy(&ring);
-    drop(ring);
-    let mut reported = run::settings(&settings, &mesh, &arguments.stop);
+    let (made, scene) = made.unzip();
+    let mut made = run.share(&host, made)?;
+    run.choose_rings(&host, &made.mesh, &settings)?;
+    let (fineness, rough) = adapt::plan(arguments, settings);
+    let mut level = 0;
+    let (solved, settings, hierarchy) = loop {
+        let last = level == fineness.levels;
+        let settings = if last { settings } else { rough };
+        let (solved, hierarchy) = light(&mut run, &host, &mut made, settings, arguments)?;
+        if last || solved.reason != StopReason::Converged {
+            break (solved, settings, hierarchy);
+        }
+        made = run.adapt((&host, arguments), (made, scene.as_ref()), (settings, solved), &fineness)?;
+        level += 1;
+    };
+    let mut reported = run::settings(&settings, &made.mesh, &arguments.stop);
+    reported.insert("adapt".into(), level.into());
     let quality = arguments.sizes.quality;
     reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());
     if let Some(unit) = arguments.sizes.unit {
         reported.insert("unit".into(), format!("{unit:?}").to_lowercase().into());
     }
-    drop(world);
-    let baked = Baked { made: Made { mesh, description, images }, settings, solved };
+    let baked = Baked { made, settings, solved };
     run.finish(baked, (&arguments.targets, &arguments.display), &host, hierarchy, reported)
 }
 
+/// Finds the light of a mesh; gives the hierarchy too, if it is that of the whole scene. Every rank calls it.
+fn light(
+    run: &mut Run<'_, '_>,
+    host: &Host,
+    made: &mut Made,
+    settings: SolveSettings,
+    arguments: &Bake,
+) -> Result<(Solved, Option<Arc<Hierarchy>>), Failure> {
+    let hierarchy = run.stage(Stage::Build, |run| run.find_valid_samples(host, &mut made.mesh))?;
+    let Made { mesh, description, images } = made;
+    let mut ring = run.ring(mesh, Some(hierarchy));
+    let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
+    let state = State::new(&world, run.ranks)?;
+    if state.emitted <= 0.0 {
+        let mut dark = Warnings::default();
+        let message = "no light leaves the lamps: they are covered by other geometry, or shine past the scene";
+        dark.add("no-light-leaves", message, Place::new(arguments.scene.display().to_string(), ""));
+        run.warn(&dark);
+    }
+    let subject = Subject { description, mesh, settings, images };
+    let solved = run.solve(subject, &world, &mut ring, state, &arguments.stop)?;
+    Ok((solved, run.whole_hierarchy(&ring)))
+}
+
 /// Reads the scene and cuts it.
-fn make(run: &mut Run<'_, '_>, arguments: &Bake, store: Store<'_>, sky: Option<Rgb>) -> Result<Made, Failure> {
+fn make(run: &mut Run<'_, '_>, arguments: &Bake, store: Store<'_>, sky: Option<Rgb>) -> Result<(Made, Scene), Failure> {
     let path = arguments.scene.as_path();
     let (scene, read) = run.stage(Stage::Load, |_| input::scene(path, arguments.sizes.unit, store))?;
     outputs::check_inputs(&arguments.targets, &run.others(), &read)?;
@@ -71,7 +97,7 @@ fn make(run: &mut Run<'_, '_>, arguments: &Bake, store: Store<'_>, sky: Option<R
         return Err(input::no_light(path));
     }
     let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
-    Ok(Made { mesh, description: Description::new(scene), images })
+    Ok((Made { mesh, description: Description::new(&scene), images }, scene))
 }
 
 /// The settings that decide the result.

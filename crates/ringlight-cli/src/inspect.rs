@@ -89,7 +89,7 @@ pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let mesh = mesh::build(&scene, &options, store).map_err(|error| input::locate(error, path))?;
     let settings = bake::settings(&arguments.method, arguments.sizes.quality)?;
     let has_light = input::has_light(&scene, &mesh, settings.sky);
-    let scene = Description::new(scene);
+    let scene = Description::new(&scene);
     let mut inspection = Inspection::new(path, &scene, &mesh, &settings);
     inspection.warnings.extend(warnings(&bake::skipped(&mesh)));
     if has_light {

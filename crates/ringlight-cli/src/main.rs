@@ -1,5 +1,6 @@
 //! The `ringlight` command: flags, files, progress, signals.
 
+mod adapt;
 mod arguments;
 mod bake;
 mod estimate;

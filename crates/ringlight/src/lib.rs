@@ -1,10 +1,11 @@
 //! Ringlight computes how light bounces through a 3D scene and leaves it in the scene.
 //!
 //! The modules in the order in which data flows: [`scene`] (bytes → checked scene) → [`mesh`] (patches, elements, sample
-//! points, clusters) → [`form_factor`] → [`shooting`] → [`solve`] → [`solution`] → [`smooth`] → [`probe`] → [`output`].
+//! points, clusters) → [`form_factor`] → [`shooting`] → [`solve`] → [`solution`] → [`smooth`] (→ [`adapt`] → [`mesh`]) → [`probe`] → [`output`].
 //! [`view_factor`] uses the same primitives without light; [`ring`] and [`transport`] let many ranks hold one scene; [`plan`]
 //! foretells what that takes.
 
+pub mod adapt;
 pub mod column;
 pub mod form_factor;
 pub mod mesh;

@@ -65,7 +65,7 @@ pub fn solve_refined(
     let ledger = Ledger::of(&state);
     let light = SolvedLight::of(state.clusters, Store::Heap).unwrap();
     let energy = Energy::default();
-    Solution { description: Description::new(scene), mesh, settings, ledger, light, energy, images }
+    Solution { description: Description::new(&scene), mesh, settings, ledger, light, energy, images }
 }
 
 /// The one rank of a world, which holds all geometry of a solution.

@@ -74,6 +74,11 @@ impl<'a> Smooth<'a> {
         Smooth { splits: splits.expect("a rank that is alone hears of no failure"), ..smooth }
     }
 
+    /// Of a solution, as if nothing stood on surfaces.
+    pub fn without_rays(solution: &'a Solution) -> Smooth<'a> {
+        Smooth::without_walls(solution, 0..solution.mesh.facets.len() as u32).0
+    }
+
     /// Of some facets, as if nothing stood on surfaces, and where something may.
     fn without_walls(solution: &'a Solution, facets: Range<u32>) -> (Smooth<'a>, Field<'a>, Vec<Suspect>) {
         let mut field = Field::new(solution, facets.clone());

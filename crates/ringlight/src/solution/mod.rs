@@ -87,17 +87,17 @@ pub struct Snapshot<'a> {
 }
 
 impl Description {
-    /// Of a scene, whose geometry is dropped.
-    pub fn new(scene: Scene) -> Description {
+    /// Of a scene.
+    pub fn new(scene: &Scene) -> Description {
         Description {
-            name: scene.name,
-            nodes: scene.nodes,
-            surfaces: scene.surfaces,
-            materials: scene.materials,
+            name: scene.name.clone(),
+            nodes: scene.nodes.clone(),
+            surfaces: scene.surfaces.clone(),
+            materials: scene.materials.clone(),
             images: scene.images.iter().map(ImageReference::new).collect(),
-            lights: scene.lights,
-            cameras: scene.cameras,
-            warnings: scene.warnings,
+            lights: scene.lights.clone(),
+            cameras: scene.cameras.clone(),
+            warnings: scene.warnings.clone(),
         }
     }
 

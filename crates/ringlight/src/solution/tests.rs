@@ -32,7 +32,7 @@ fn refined_floor(side: u32, subdivision: impl Fn(u32) -> u8) -> Solution {
         .into();
     let emission_waits = (0..mesh.patch_count()).map(|p| u8::from(p % 3 == 0)).collect::<Vec<_>>().into();
     Solution {
-        description: Description::new(scene),
+        description: Description::new(&scene),
         mesh,
         settings: SolveSettings {
             solver: crate::solve::Solver::Plain,

@@ -1,0 +1,154 @@
+//! Adaptive elements: smaller ones where light changes in ways that larger ones cannot follow (paper, section 6).
+//!
+//! The scene is solved roughly first. Where the light at an element's sample point is not what its neighbours let expect, its
+//! patch is cut finer, and the scene solved again; what is solved with the accuracy asked for is the last mesh alone. So no light
+//! has to be carried over from parents to children, all that decides is the light of whole solutions, which is the same bits on
+//! any number of ranks, and who owns what is dealt out anew by the elements that there are.
+
+use crate::mesh::ALL_VALID;
+use crate::quantity::Rgb;
+use crate::shooting::strength;
+use crate::smooth::Smooth;
+use crate::solution::Solution;
+use rayon::prelude::*;
+use ringlight_visibility::Layout;
+
+/// How fine elements become.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fineness {
+    /// Elements of the size asked for are cut into [`PARTS`] parts along both sides so many times at most.
+    pub levels: u32,
+    /// Light of an element may differ from what is expected by this share of itself.
+    pub tolerance: f64,
+}
+
+/// Light less than this share of the usual is not followed more closely than if it were as much.
+const USUAL: f32 = 1.5;
+
+/// Parts along a side: three, so that the sample point in the middle of an element stays that of a smaller one, and what was found
+/// there stays true.
+const PARTS: u32 = 3;
+
+/// The most levels: subdivisions are one byte.
+pub const MOST_LEVELS: u32 = 5;
+
+/// How finely the patches of a solved scene are to be cut, for [`crate::mesh::Mesh::refined`]; none finer than
+/// `fineness.levels` say, and each at most [`PARTS`] times as fine as it was.
+pub fn subdivisions(solution: &Solution, fineness: &Fineness) -> Vec<u8> {
+    let mesh = &solution.mesh;
+    let smooth = Smooth::without_rays(solution);
+    let light = |element: u32| strength(solution.irradiance(element));
+    let mut lit: Vec<f32> = (0..mesh.element_count() as u32).into_par_iter().map(light).filter(|&e| e > 0.0).collect();
+    let middle = lit.len() / 2;
+    let usual = if lit.is_empty() { 0.0 } else { *lit.select_nth_unstable_by(middle, f32::total_cmp).1 };
+    let finest = mesh.sizes.element / f64::from(PARTS.pow(fineness.levels.min(MOST_LEVELS)));
+    let differs = |element: u32, layout: Layout| {
+        let expected = expected(&smooth.corners(element), layout);
+        let own = light(element);
+        (expected - own).abs() > fineness.tolerance as f32 * own.max(USUAL * usual)
+    };
+    let wanted = |id: u32| {
+        let patch = mesh.patch(id);
+        let subdivision = mesh.subdivision(id);
+        let width = (patch.area / f64::from(patch.element_count())).sqrt();
+        // Facets are cut into whole numbers of elements, which are narrower than they might be.
+        let large = width > 1.2 * finest && subdivision * PARTS <= PARTS.pow(MOST_LEVELS);
+        let splits = large
+            && patch.elements().any(|element| match mesh.valid[element as usize] {
+                0 => false,
+                ALL_VALID => differs(element, patch.frame.layout),
+                // What stands on it casts its shadow there.
+                _ => true,
+            });
+        if splits { (PARTS * subdivision) as u8 } else { subdivision as u8 }
+    };
+    (0..mesh.patch_count() as u32).into_par_iter().map(wanted).collect()
+}
+
+/// What the light at an element's corners lets expect at its middle.
+fn expected(corners: &[Rgb; 4], layout: Layout) -> f32 {
+    let count = if layout == Layout::Triangle { 3 } else { 4 };
+    corners[..count].iter().map(|&light| strength(light)).sum::<f32>() / count as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::form_factor::contour;
+    use crate::output::fixture::{paint, read, solve_refined};
+    use glam::{DVec2, DVec3};
+
+    /// A floor of 4 m × 4 m, a square lamp of 1 m × 1 m that looks down from 3 m, and a square blocker of the same size at 1 m,
+    /// a little aside.
+    const SCENE: &str = "v -2 0 -2\nv -2 0 2\nv 2 0 2\nv 2 0 -2\nv -0.5 3 -0.5\nv 0.5 3 -0.5\nv 0.5 3 0.5\nv -0.5 3 0.5\n\
+        v -0.37 1 -0.43\nv -0.37 1 0.57\nv 0.63 1 0.57\nv 0.63 1 -0.43\n\
+        o floor\nusemtl black\nf 1 2 3 4\no lamp\nusemtl lamp\nf 5 6 7 8\no blocker\nusemtl black\nf 9 10 11 12\n";
+
+    /// Irradiance of the floor: from the lamp less from what the blocker hides of it, both rectangles along the axes.
+    fn exact(x: DVec3) -> f64 {
+        let rectangle = |low: DVec2, high: DVec2| {
+            let at = |x: f64, z: f64| DVec3::new(x, 3.0, z);
+            [at(low.x, low.y), at(high.x, low.y), at(high.x, high.y), at(low.x, high.y)]
+        };
+        let from = |low: DVec2, high: DVec2| {
+            if low.x >= high.x || low.y >= high.y { 0.0 } else { contour(x, DVec3::Y, &rectangle(low, high)) }
+        };
+        // Seen from the floor, the blocker at 1 m hides three times its size at 3 m.
+        let (place, half) = (DVec2::new(x.x, x.z), DVec2::splat(0.5));
+        let [low, high] = [DVec2::new(-0.37, -0.43), DVec2::new(0.63, 0.57)].map(|c| place + 3.0 * (c - place));
+        10.0 * std::f64::consts::PI * (from(-half, half) - from(low.max(-half), high.min(half)))
+    }
+
+    /// Root of the mean square error on the floor about the shadow, relative to the mean there.
+    fn error(solution: &Solution) -> f64 {
+        let (mesh, smooth) = (&solution.mesh, Smooth::new(solution));
+        let (number, floor) =
+            mesh.facets.iter().enumerate().find(|(_, f)| f.surface == 0).map(|(n, f)| (n as u32, *f)).unwrap();
+        assert_eq!(mesh.side_of(floor.first_patch).0, number);
+        let (mut squares, mut sum, n) = (0.0, 0.0, 230);
+        for k in 0..n * n {
+            let [u, v] = [k % n, k / n].map(|i| 0.2 + 0.6 * (f64::from(i) + 0.5) / f64::from(n));
+            let (_, element, within) = mesh.find_element(&floor, false, DVec2::new(u, v));
+            let found = f64::from(smooth.at(element, within)[1]);
+            let exact = exact(floor.frame().at(DVec2::new(u, v)));
+            squares += (found - exact).powi(2);
+            sum += exact;
+        }
+        (squares / f64::from(n * n)).sqrt() / (sum / f64::from(n * n))
+    }
+
+    /// The scene with exact light at the sample points: what is wrong between them is the elements' fault alone.
+    fn lit(size: f64, subdivision: impl Fn(u32) -> u8) -> Solution {
+        let mut solution = solve_refined(read(SCENE), [size; 2], 1.0, subdivision);
+        let floor = |at: DVec3, normal: DVec3| if at.y < 0.5 && normal.y > 0.0 { exact(at) } else { 0.0 };
+        paint(&mut solution, floor);
+        solution
+    }
+
+    #[test]
+    fn the_edge_of_a_shadow_is_followed_with_few_elements() {
+        let fineness = Fineness { levels: 1, tolerance: 0.01 };
+        let mut solution = lit(0.125, |_| 1);
+        for _ in 0..fineness.levels {
+            let wanted = subdivisions(&solution, &fineness);
+            assert!(wanted.iter().any(|&s| s > 1) && wanted.contains(&1));
+            solution = lit(0.125, |patch| wanted[patch as usize]);
+        }
+        let (count, adaptive) = (solution.mesh.element_count(), error(&solution));
+        let same = (1..).map(|k| lit(0.125 - 0.005 * f64::from(k), |_| 1));
+        let same = same.into_iter().find(|s| s.mesh.element_count() >= count).unwrap();
+        let even = error(&same);
+        println!("{count} elements: {adaptive:.4}; {} uniform ones: {even:.4}", same.mesh.element_count());
+        assert!(adaptive <= even / 3.0);
+    }
+
+    #[test]
+    fn even_light_and_darkness_need_no_small_elements() {
+        let mut solution = solve_refined(read(SCENE), [0.5; 2], 1.0, |_| 1);
+        let fineness = Fineness { levels: 3, tolerance: 0.01 };
+        for light in [0.0, 5.0] {
+            paint(&mut solution, |_, _| light);
+            assert!(subdivisions(&solution, &fineness).iter().all(|&s| s == 1));
+        }
+    }
+}
