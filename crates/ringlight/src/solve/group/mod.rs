@@ -32,7 +32,7 @@ use std::sync::Arc;
 const ROUNDS: [f32; 2] = [4.0, 1.0];
 
 /// Error that the light of one node may have, as a share of that which all together may have: many of them err both ways.
-const OF_ONE: f32 = 0.1;
+const OF_ONE: f32 = 0.3;
 
 /// Receivers whose own light is less than this share of the median are treated as if they had that.
 const FLOOR: f32 = 0.02;
