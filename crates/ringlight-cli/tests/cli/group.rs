@@ -1,5 +1,7 @@
 //! Group shooting, the default: what chooses it, how it is stopped and goes on, what is foretold of it.
 
+#[cfg(unix)]
+use crate::watcher::{self, Watcher};
 use crate::workshop::Workshop;
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -8,7 +10,7 @@ use predicates::str::contains;
 const BAKE: &str = "bake box.obj --patch-size 1 --element-size 0.25 --force";
 
 /// The same finely enough to be stopped on its way.
-const LONG: &str = "bake box.obj --patch-size 0.5 --element-size 0.1 --error 0.001 --force";
+const LONG: &str = "bake box.obj --patch-size 0.5 --element-size 0.1 --error 0.002 --threads 1 --force";
 
 #[test]
 fn it_is_the_default_and_what_is_for_plain_refinement_alone_chooses_that() {
@@ -93,6 +95,28 @@ fn a_killed_run_goes_on_from_its_checkpoint() {
     assert!(workshop.bytes("b.ringlight") == workshop.bytes("whole.ringlight"));
 }
 
+#[cfg(unix)]
+#[test]
+fn watchers_see_the_light_of_the_first_round_and_may_stop_the_second() {
+    let workshop = Workshop::new();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ringlight"));
+    let bake = format!("{LONG} -o a.ringlight --view --ranks 2");
+    command.current_dir(workshop.path("")).args(bake.split_whitespace()).stderr(std::process::Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let (address, said) = watcher::address(&mut child);
+    let mut watcher = Watcher::open(&address);
+    while watcher.status["unshot_share"] != 0.0 || watcher.light == 0 {
+        assert!(watcher.round(), "the server has ended before the first round: {}", watcher.status);
+    }
+    assert_eq!(watcher.status["phase"], "solve");
+    watcher.say("stop");
+    watcher.watch_to_the_end();
+    assert_eq!(child.wait().unwrap().code(), Some(4), "{}", said());
+    workshop.ringlight("resume a.ringlight -o b.ringlight").assert().code(0);
+    workshop.ringlight(&format!("{LONG} -o whole.ringlight")).assert().code(0);
+    assert!(workshop.bytes("b.ringlight") == workshop.bytes("whole.ringlight"));
+}
+
 #[test]
 fn a_solution_goes_on_by_the_method_that_began_it() {
     let workshop = Workshop::new();
@@ -140,4 +164,22 @@ fn inspecting_foretells_rays_and_memory() {
     let words = contains("by groups to an error of 1 %").and(contains("look about")).and(contains("measured"));
     workshop.ringlight("inspect box.obj --quality draft").assert().code(0).stdout(words);
     workshop.ringlight("inspect box.obj --error 0.1 --until 0.1").assert().code(2).stderr(contains("--until"));
+}
+
+/// Where contrast asks for more rays than usual.
+#[cfg(target_os = "linux")]
+#[test]
+fn no_more_memory_is_taken_than_was_foretold() {
+    let workshop = Workshop::new();
+    let gallery = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/gallery.glb");
+    let sizes = "--patch-size 0.8 --element-size 0.25";
+    let mut bake = workshop.ringlight(&format!("bake -o a.ringlight --report a.json {sizes}"));
+    bake.arg(&gallery).assert().code(0);
+    let mut inspect = workshop.ringlight(&format!("inspect --json --rays-per-second 1e6 {sizes}"));
+    let run = inspect.arg(&gallery).assert().code(0);
+    let inspection: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let foretold = inspection["memory_bytes"].as_f64().unwrap();
+    let taken = workshop.json("a.json")["peak_memory_bytes"].as_f64().unwrap();
+    println!("{taken} bytes of the {foretold} foretold");
+    assert!(taken < foretold && taken > 0.5 * foretold, "{taken} bytes of the {foretold} foretold");
 }

@@ -36,8 +36,9 @@ const LIGHTS: u64 = 4;
 const ENTRY: u64 = 8;
 const ROW: u64 = 8 + 2 * 28;
 
-/// Elements that are seen along so many rays of a row, as a share of the rays: about 110 of 288.
-const DIFFERENT: f64 = 0.385;
+/// Entries of a row as a share of the usual rays of the last round, so that most scenes need no more: an office has about 110 of
+/// 288, a gallery with dark corners, where contrast asks for more rays, twice as many.
+const ENTRIES: f64 = 0.75;
 
 impl GroupCounts {
     /// Those of a mesh.
@@ -63,7 +64,7 @@ impl GroupCounts {
     fn add_to(&self, demand: Demand, error: f64, light: u64) -> Demand {
         let [.., rays] = usual_rays(error);
         let of_all = self.elements * (COLOURS * size_of::<Rgb>() as u64 + size_of::<u32>() as u64);
-        let rows = self.own * (ROW + ENTRY * (DIFFERENT * rays).ceil() as u64);
+        let rows = self.own * (ROW + ENTRY * (ENTRIES * rays).ceil() as u64);
         Demand {
             everywhere: demand.everywhere + of_all + self.emitting * NODES,
             owned: demand.owned + LIGHTS * light + rows,
