@@ -32,7 +32,7 @@ def bake(path, folder, ranks, flags):
     """What the report says of a run on so many ranks."""
     report, solution = os.path.join(folder, "report.json"), os.path.join(folder, "out.ringlight")
     run = [COMMAND, "bake", path, "-o", solution, "--report", report, "--scratch", folder, "--quality", "draft",
-           "--max-shots", "3", "--quiet", "--force"] + flags
+           "--solver", "plain", "--max-shots", "3", "--quiet", "--force"] + flags
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1",
                        OMPI_MCA_rmaps_base_oversubscribe="1", OMPI_MCA_mpi_yield_when_idle="1")
     if ranks > 1:
@@ -44,7 +44,8 @@ def bake(path, folder, ranks, flags):
 
 def foretold(path, folder, ranks):
     """The memory of each of so many ranks in one ring, as `inspect` foretells it, MiB; none if it does not."""
-    run = [COMMAND, "inspect", path, "--json", "--quality", "draft", "--scratch", folder, "--rays-per-second", "1e6"]
+    run = [COMMAND, "inspect", path, "--json", "--solver", "plain", "--quality", "draft", "--scratch", folder,
+           "--rays-per-second", "1e6"]
     found = json.loads(subprocess.run(run, check=True, capture_output=True).stdout)["memory_per_rank"]
     fitting = [m["bytes"] / MIB for m in found if (m["ranks"], m["rings"]) == (ranks, 1)]
     return round(fitting[0], 1) if fitting else None

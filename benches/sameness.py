@@ -60,8 +60,8 @@ def pairs(options):
 def bake(scene, shots, flags, run, folder):
     """Bakes; the digest that the report tells and a hash of the file, or what went wrong."""
     solution, report = os.path.join(folder, "a.ringlight"), os.path.join(folder, "a.json")
-    line = [COMMAND, "bake", scene, "--quality", "draft", "--max-shots", str(shots), "--until", "0", "--quiet", "--force",
-            "-o", solution, "--report", report] + flags.split()
+    line = [COMMAND, "bake", scene, "--quality", "draft", "--solver", "plain", "--max-shots", str(shots), "--until", "0",
+            "--quiet", "--force", "-o", solution, "--report", report] + flags.split()
     for flag in ("rings", "threads", "packet_size", "shards", "routing", "shooters_in_flight"):
         if run.get(flag) is not None:
             line += ["--" + flag.replace("_", "-"), str(run[flag])]

@@ -102,8 +102,8 @@ class Page implements Listener {
       if (world !== this.world) return;
       if (this.placed) stage.batches.rank(world);
     }
-    const shots = this.status?.shots ?? 0;
-    if (this.relit.size > 0 && shots > 0 && !this.chosen && !stage.navigation.moved) {
+    const lit = (this.status?.unshot_share ?? 1) < 1;
+    if (this.relit.size > 0 && lit && !this.chosen && !stage.navigation.moved) {
       this.chosen = true;
       stage.chooseView(world);
     }

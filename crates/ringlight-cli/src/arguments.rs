@@ -182,9 +182,9 @@ pub struct Inspect {
     pub sizes: SizeArguments,
     #[command(flatten)]
     pub method: MethodArguments,
-    /// Unshot share down to which to foretell
-    #[arg(long, value_name = "SHARE", default_value = "0.01", value_parser = values::share)]
-    pub until: f64,
+    /// Plain refinement: unshot share down to which to foretell; 0.01 by default
+    #[arg(long, value_name = "SHARE", value_parser = values::share)]
+    pub until: Option<f64>,
     /// Foretell with this speed instead of measuring for a second
     #[arg(long, value_name = "R", value_parser = values::positive)]
     pub rays_per_second: Option<f64>,
@@ -281,33 +281,36 @@ pub struct MethodArguments {
     /// Cut elements in nine where light changes much, up to so many times: edges of shadows, contacts
     #[arg(long, value_name = "TIMES", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=5))]
     pub adapt: u32,
-    /// Method: plain progressive refinement, the default, or group shooting, which finds all light at once
+    /// Method: group shooting, which finds all light at once, the default; or plain progressive refinement, also chosen by any
+    /// flag that is for it alone
     #[arg(long, value_enum)]
     pub solver: Option<SolverChoice>,
-    /// Error that group shooting may make, relative to each place's own light: 0.01 by default
+    /// Group shooting: error that it may make, relative to each place's own light; 0.01 by default
     #[arg(long, value_name = "SHARE", value_parser = values::tolerance)]
     pub error: Option<f64>,
-    /// Cells of a shooter: 4 for draft, 16 for normal, 64 for high quality by default
+    /// Plain refinement: cells of a shooter; 4 for draft, 16 for normal, 64 for high quality by default. Also those of each part
+    /// of a sky
     #[arg(long, value_name = "1|4|16|64", value_parser = values::cells)]
     pub cells: Option<u32>,
-    /// What a patch shoots: the light of its elements, or their average everywhere
-    #[arg(long, value_enum, default_value = "elements")]
-    pub shoot: ShootChoice,
-    /// Most shots under way at once, so that many ranks need not wait for each other; decides the order of shots
-    #[arg(long, value_name = "K", default_value = "1", value_parser = values::shooters)]
-    pub shooters_in_flight: u32,
+    /// Plain refinement: what a patch shoots, the light of its elements, the default, or their average everywhere
+    #[arg(long, value_enum)]
+    pub shoot: Option<ShootChoice>,
+    /// Plain refinement: most shots under way at once, so that many ranks need not wait for each other; decides the order of
+    /// shots. 1 by default
+    #[arg(long, value_name = "K", value_parser = values::shooters)]
+    pub shooters_in_flight: Option<u32>,
     /// Radiance of a uniform sky above the horizon, one number or R,G,B
     #[arg(long, value_name = "RADIANCE", value_parser = values::radiance)]
     pub sky: Option<[f32; 3]>,
 }
 
 /// When to stop.
-#[derive(Clone, Copy, Debug, Args)]
+#[derive(Clone, Copy, Debug, Default, Args)]
 pub struct StopArguments {
-    /// Stop when this share of the emitted power is unshot
-    #[arg(long, value_name = "SHARE", default_value = "0.01", value_parser = values::share)]
-    pub until: f64,
-    /// Stop after this many shots in all, those before a resume included
+    /// Plain refinement: stop when this share of the emitted power is unshot; 0.01 by default
+    #[arg(long, value_name = "SHARE", value_parser = values::share)]
+    pub until: Option<f64>,
+    /// Plain refinement: stop after this many shots in all, those before a resume included
     #[arg(long, value_name = "N")]
     pub max_shots: Option<u64>,
     /// Stop this many seconds after the start of the command, and write what is there

@@ -1,22 +1,22 @@
 //! `bake`: scene → solution → outputs.
 
 use crate::adapt;
-use crate::arguments::{Bake, MethodArguments, QualityChoice, ShootChoice, SolverChoice};
+use crate::arguments::Bake;
 use crate::failure::{End, Failure};
 use crate::host::Host;
 use crate::input;
 use crate::launch;
+use crate::method;
 use crate::outputs::{self, Others};
 use crate::progress::Stage;
-use crate::run::{self, Baked, Made, Run, Solved};
+use crate::run::{Baked, Made, Run, Solved};
 use crate::showing::Subject;
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
 use ringlight::quantity::Rgb;
 use ringlight::scene::{Place, Scene, Warnings};
-use ringlight::shooting::Shoot;
 use ringlight::solution::Description;
-use ringlight::solve::{SolveSettings, Solver, State, StopReason, World};
+use ringlight::solve::{SolveSettings, State, StopReason, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     launch::on_first_rank(run.ranks, || outputs::check(&arguments.targets, &others))?;
     let frugal = arguments.spread.memory_per_rank.is_some();
     let host = Host::find(run.ranks, arguments.sizes.scratch.as_deref(), frugal)?;
-    let settings = settings(&arguments.method, arguments.sizes.quality)?;
+    let settings = method::settings(&arguments.method, &arguments.stop, arguments.sizes.quality)?;
     let made = if host.leads() { Some(make(&mut run, arguments, host.store(), settings.sky)?) } else { None };
     let (made, scene) = made.unzip();
     let mut made = run.share(&host, made)?;
@@ -46,7 +46,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
         made = run.adapt((&host, arguments), (made, scene.as_ref()), (settings, solved), &fineness)?;
         level += 1;
     };
-    let mut reported = run::settings(&settings, &made.mesh, &arguments.stop);
+    let mut reported = method::reported(&settings, &made.mesh, &arguments.stop);
     reported.insert("adapt".into(), level.into());
     let quality = arguments.sizes.quality;
     reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());
@@ -98,28 +98,6 @@ fn make(run: &mut Run<'_, '_>, arguments: &Bake, store: Store<'_>, sky: Option<R
     }
     let images = scene.images.iter().map(|image| Some(image.bytes.clone())).collect();
     Ok((Made { mesh, description: Description::new(&scene), images }, scene))
-}
-
-/// The settings that decide the result.
-pub fn settings(method: &MethodArguments, quality: QualityChoice) -> Result<SolveSettings, Failure> {
-    let shoot = match method.shoot {
-        ShootChoice::Elements => Shoot::Elements,
-        ShootChoice::Average => Shoot::Average,
-    };
-    let solver = match (method.solver, method.error) {
-        (Some(SolverChoice::Plain), Some(_)) => {
-            return Err(Failure::Usage("--error is for --solver group; the plain solver stops by --until".into()));
-        }
-        (Some(SolverChoice::Plain) | None, None) => Solver::Plain,
-        (Some(SolverChoice::Group) | None, error) => Solver::Group(error.unwrap_or(0.01)),
-    };
-    Ok(SolveSettings {
-        solver,
-        cells: method.cells.unwrap_or(input::default_cells(quality)),
-        shoot,
-        sky: method.sky,
-        shooters_in_flight: method.shooters_in_flight,
-    })
 }
 
 /// What meshing changed or left out, as warnings.

@@ -1,10 +1,15 @@
 //! How long a solve will take, foretold from counted work.
 //!
-//! Shots are counted by playing progressive refinement in an enclosure of the scene's patches in which every patch sees all
+//! Of plain refinement shots are counted by playing progressive refinement in an enclosure of the scene's patches in which every patch sees all
 //! others equally: light is lost only by absorption. Open scenes lose more and need fewer shots. Rays are counted from the
-//! share of (patch, element) pairs that face each other.
+//! share of (patch, element) pairs that face each other. Of group shooting the library counts the rays, and their speed is that
+//! of rays over the hemispheres of elements all over the scene.
 
-use ringlight::mesh::{Frame, Mesh, Patch};
+use rayon::prelude::*;
+use ringlight::mesh::{Frame, Mesh, Patch, walk};
+use ringlight::shooting::Glance;
+use ringlight_visibility::Hierarchy;
+use std::time::Instant;
 
 /// Patches that stand for all.
 const SAMPLES: usize = 1000;
@@ -85,4 +90,28 @@ fn facing_share(mesh: &Mesh) -> f64 {
         }
     }
     if all > 0.0 { facing / all } else { 0.0 }
+}
+
+/// Rays that elements follow over their hemispheres, on all threads, per second; measured for `seconds`.
+pub fn looks_per_second(mesh: &Mesh, hierarchy: &Hierarchy, seconds: f64) -> f64 {
+    const RAYS: u32 = 64;
+    let patches: Vec<Patch> = sample(mesh, SAMPLES).0.collect();
+    let look = |patch: &Patch, turn: u32| {
+        let number = turn % patch.element_count();
+        let valid = mesh.valid[(patch.first_element + number) as usize];
+        let Some(point) = patch.sample_point(number, valid) else { return 0 };
+        for ray in 0..RAYS {
+            walk::run(mesh, hierarchy, Glance::new(mesh, point, (patch.normal, patch.plane), (ray, RAYS)));
+        }
+        u64::from(RAYS)
+    };
+    let start = Instant::now();
+    let mut rays = 0;
+    for turn in 0.. {
+        rays += patches.par_iter().map(|patch| look(patch, turn)).sum::<u64>();
+        if start.elapsed().as_secs_f64() >= seconds {
+            break;
+        }
+    }
+    rays as f64 / start.elapsed().as_secs_f64()
 }

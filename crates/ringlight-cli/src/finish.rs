@@ -237,6 +237,13 @@ fn summary(progress: &Progress, reason: StopReason, seconds: f64) -> String {
         StopReason::Interrupted => "interrupted",
         StopReason::Terminated => "terminated",
     };
+    if let Some(done) = progress.done {
+        return format!(
+            "{reason}: {:.0} % done, {:.1} M rays, {seconds:.1} s",
+            100.0 * done,
+            progress.rays as f64 / 1e6
+        );
+    }
     let (shots, unshot) = (progress.shots, 100.0 * progress.unshot_share);
-    format!("{reason}: {shots} shots, unshot {unshot:.2} %, {:.1} s", seconds)
+    format!("{reason}: {shots} shots, unshot {unshot:.2} %, {seconds:.1} s")
 }

@@ -1,10 +1,11 @@
 //! `inspect`: what is in a scene, what will be ignored, and how big the solve will be.
 
-use crate::arguments::Inspect;
+use crate::arguments::{Inspect, StopArguments};
 use crate::bake;
 use crate::estimate;
 use crate::failure::{End, Failure};
 use crate::input;
+use crate::method;
 use crate::progress::duration;
 use crate::run::warning;
 use crate::scratch::FileScratch;
@@ -12,15 +13,16 @@ use crate::spread::in_words;
 use ringlight::column::Store;
 use ringlight::mesh::{self, Mesh};
 use ringlight::output::report::{ReportedWarning, SceneReport, Units, warnings};
-use ringlight::plan::{Counts, MeshPlace};
+use ringlight::plan::{self, GroupCounts, MeshPlace};
 use ringlight::ring::Rings;
 use ringlight::scene::{LightKind, Surface};
 use ringlight::shooting;
 use ringlight::solution::Description;
 use ringlight::solve::{
-    self, Control, OUTLINE, Observer, Ring, SolveSettings, Spread, State, StopReason, StopRule, World,
+    self, Control, OUTLINE, Observer, Ring, SolveSettings, Solver, Spread, State, StopReason, StopRule, World,
 };
 use ringlight::transport::Communicator;
+use ringlight_visibility::Hierarchy;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::Path;
@@ -71,7 +73,13 @@ struct Named {
 /// How long it will take.
 #[derive(Serialize)]
 struct Forecast {
-    until: f64,
+    solver: &'static str,
+    /// Of group shooting.
+    error: Option<f64>,
+    /// Of plain refinement.
+    until: Option<f64>,
+    /// Elements of which each looks for light of its own, in group shooting.
+    own_elements: Option<u64>,
     shots: f64,
     rays: f64,
     rays_per_second: f64,
@@ -87,13 +95,15 @@ pub fn inspect(arguments: &Inspect) -> Result<End, Failure> {
     let (scene, _) = input::scene(path, arguments.sizes.unit, store)?;
     let options = input::mesh_options(&arguments.sizes);
     let mesh = mesh::build(&scene, &options, store).map_err(|error| input::locate(error, path))?;
-    let settings = bake::settings(&arguments.method, arguments.sizes.quality)?;
+    let stop = StopArguments { until: arguments.until, ..StopArguments::default() };
+    let settings = method::settings(&arguments.method, &stop, arguments.sizes.quality)?;
     let has_light = input::has_light(&scene, &mesh, settings.sky);
     let scene = Description::new(&scene);
     let mut inspection = Inspection::new(path, &scene, &mesh, &settings);
     inspection.warnings.extend(warnings(&bake::skipped(&mesh)));
     if has_light {
-        inspection.forecast = Some(forecast(&scene, mesh, settings, arguments)?);
+        inspection.forecast =
+            Some(forecast(&scene, mesh, settings, &method::stop_rule(&stop), arguments.rays_per_second)?);
     }
     let text = if arguments.json {
         let json = serde_json::to_string_pretty(&inspection).map_err(anyhow::Error::new)?;
@@ -116,11 +126,10 @@ impl Inspection {
             LightKind::Spot { .. } => "spot",
             LightKind::Directional { .. } => "directional",
         };
-        let counts = Counts::of(mesh);
+        let [heap, files] = [MeshPlace::Heap, MeshPlace::Files].map(|place| plan::demand(mesh, place, settings));
         let Spread { window, packet_size, .. } = Spread::new(Rings::one(1));
         let memory = |ranks, rings| {
-            let place = if ranks == 1 { MeshPlace::Heap } else { MeshPlace::Files };
-            let demand = counts.demand(place, settings.shooters_in_flight).with_packets(window, packet_size, OUTLINE);
+            let demand = if ranks == 1 { heap } else { files }.with_packets(window, packet_size, OUTLINE);
             let bytes = Rings::new(ranks, rings).map_or(0, |rings| demand.of_a_rank(rings));
             RankMemory { ranks, rings, bytes }
         };
@@ -185,12 +194,21 @@ impl Inspection {
             }
             Some(f) => {
                 let how = if f.measured { "measured" } else { "given" };
-                let (until, rate, cells) = (100.0 * f.until, f.rays_per_second / 1e6, self.cells);
-                writeln!(
-                    out,
-                    "solve        to {until} % unshot with {cells} cells: about {:.0} shots, {:.3e} rays",
-                    f.shots, f.rays
-                )?;
+                let (rate, cells, rays) = (f.rays_per_second / 1e6, self.cells, f.rays);
+                match (f.error, f.until) {
+                    (Some(error), _) => writeln!(
+                        out,
+                        "solve        by groups to an error of {} %: {} elements look about along {rays:.3e} rays",
+                        100.0 * error,
+                        f.own_elements.unwrap_or(0)
+                    )?,
+                    (None, until) => writeln!(
+                        out,
+                        "solve        to {} % unshot with {cells} cells: about {:.0} shots, {rays:.3e} rays",
+                        100.0 * until.unwrap_or(0.0),
+                        f.shots
+                    )?,
+                }
                 writeln!(out, "time         about {} at {rate:.2} M rays/s ({how})", duration(f.seconds))?;
             }
         }
@@ -225,25 +243,72 @@ fn forecast(
     scene: &Description,
     mut mesh: Mesh,
     settings: SolveSettings,
-    arguments: &Inspect,
+    rule: &StopRule,
+    given: Option<f64>,
 ) -> Result<Forecast, Failure> {
     let sky = settings.sky.map_or(0, |radiance| shooting::skies(radiance, 1, 1.0).len());
-    let work = estimate::work(&mesh, scene.lights.len() + sky, settings.cells, arguments.until);
-    let measured = arguments.rays_per_second.is_none();
-    let rays_per_second = if let Some(given) = arguments.rays_per_second {
-        given
-    } else {
-        let hierarchy = mesh::hierarchy(&mesh);
-        mesh::find_valid_samples(&mut mesh, &hierarchy);
-        let ranks = &mut Communicator::alone();
-        let mut ring = Ring::alone(&mesh, Arc::new(hierarchy));
-        let world = World::new(&mut ring, &scene.lights, settings, ranks)?;
-        let mut state = State::new(&world, ranks)?;
-        let rule = StopRule { until: arguments.until, max_shots: None };
-        let start = Instant::now();
-        let (_, progress) = solve::plain(&world, &mut ring, &mut state, &rule, ranks, &mut Trial(start))?;
-        progress.rays as f64 / start.elapsed().as_secs_f64()
+    let emitters = scene.lights.len() + sky;
+    let rays_per_second = match given {
+        Some(given) => given,
+        None => {
+            let hierarchy = mesh::hierarchy(&mesh);
+            mesh::find_valid_samples(&mut mesh, &hierarchy);
+            match settings.solver {
+                Solver::Plain => trial(scene, &mesh, hierarchy, settings, rule)?,
+                Solver::Group(_) => estimate::looks_per_second(&mesh, &hierarchy, TRIAL),
+            }
+        }
     };
-    let seconds = work.rays / rays_per_second.max(1.0);
-    Ok(Forecast { until: arguments.until, shots: work.shots, rays: work.rays, rays_per_second, measured, seconds })
+    let found = |rays: f64| (rays, rays_per_second, given.is_none(), rays / rays_per_second.max(1.0));
+    Ok(match settings.solver {
+        Solver::Plain => {
+            let work = estimate::work(&mesh, emitters, settings.cells, rule.until);
+            let (rays, rays_per_second, measured, seconds) = found(work.rays);
+            let (shots, until) = (work.shots, Some(rule.until));
+            Forecast {
+                solver: "plain",
+                error: None,
+                until,
+                own_elements: None,
+                shots,
+                rays,
+                rays_per_second,
+                measured,
+                seconds,
+            }
+        }
+        Solver::Group(error) => {
+            let counts = GroupCounts::of(&mesh);
+            let (rays, rays_per_second, measured, seconds) = found(counts.rays(error));
+            let (shots, error, own_elements) = (emitters as f64, Some(error), Some(counts.own));
+            Forecast {
+                solver: "group",
+                error,
+                until: None,
+                own_elements,
+                shots,
+                rays,
+                rays_per_second,
+                measured,
+                seconds,
+            }
+        }
+    })
+}
+
+/// Rays per second of plain refinement.
+fn trial(
+    scene: &Description,
+    mesh: &Mesh,
+    hierarchy: Hierarchy,
+    settings: SolveSettings,
+    rule: &StopRule,
+) -> Result<f64, Failure> {
+    let ranks = &mut Communicator::alone();
+    let mut ring = Ring::alone(mesh, Arc::new(hierarchy));
+    let world = World::new(&mut ring, &scene.lights, settings, ranks)?;
+    let mut state = State::new(&world, ranks)?;
+    let start = Instant::now();
+    let (_, progress) = solve::plain(&world, &mut ring, &mut state, rule, ranks, &mut Trial(start))?;
+    Ok(progress.rays as f64 / start.elapsed().as_secs_f64())
 }

@@ -14,6 +14,7 @@ mod inspect;
 mod launch;
 mod machine;
 mod map;
+mod method;
 mod outputs;
 mod probe;
 mod progress;

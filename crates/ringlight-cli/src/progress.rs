@@ -1,8 +1,9 @@
 //! Progress on standard error: a bar on terminals, plain lines, or one JSON object a line.
 
 use crate::arguments::{ProgressChoice, StopArguments};
+use crate::method;
 use indicatif::{HumanCount, ProgressBar, ProgressStyle};
-use ringlight::solve::Progress;
+use ringlight::solve::{Progress, StopRule};
 use ringlight::view_factor::Pairs;
 use serde::Serialize;
 use std::io::{IsTerminal, Write};
@@ -69,14 +70,14 @@ struct Line {
 #[derive(Clone, Copy, Serialize)]
 #[serde(untagged)]
 enum Counted {
-    Shots { shots: u64, unshot_share: f64, rays: u64, rays_per_second: f64 },
+    Shots { shots: u64, unshot_share: f64, done: Option<f64>, rays: u64, rays_per_second: f64 },
     Pairs { pairs: u64, pairs_total: u64, pairs_per_second: f64 },
 }
 
 impl Counted {
     fn shots(progress: &Progress, rays_per_second: f64) -> Counted {
-        let Progress { shots, unshot_share, rays, .. } = *progress;
-        Counted::Shots { shots, unshot_share, rays, rays_per_second }
+        let Progress { shots, unshot_share, done, rays, .. } = *progress;
+        Counted::Shots { shots, unshot_share, done, rays, rays_per_second }
     }
 }
 
@@ -209,17 +210,25 @@ fn bar() -> ProgressBar {
     ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-/// How much is done, 0 to 1: light dies out like a power of the work, so logarithms grow evenly.
+/// How much is done, 0 to 1: where only light tells, that dies out like a power of the work, so logarithms grow evenly.
 fn done(progress: &Progress, stop: &StopArguments) -> f64 {
-    let by_light = progress.unshot_share.ln() / stop.until.max(1e-12).ln();
-    let by_shots = stop.max_shots.map_or(0.0, |n| progress.shots as f64 / n.max(1) as f64);
+    if let Some(done) = progress.done {
+        return done;
+    }
+    let StopRule { until, max_shots } = method::stop_rule(stop);
+    let by_light = progress.unshot_share.ln() / until.max(1e-12).ln();
+    let by_shots = max_shots.map_or(0.0, |n| progress.shots as f64 / n.max(1) as f64);
     by_light.max(by_shots).clamp(0.0, 1.0)
 }
 
 fn sentence(progress: &Progress, rate: f64, left: Option<f64>) -> String {
     let left = left.map_or(String::new(), |left| format!(", about {} left", duration(left)));
+    let rate = rate / 1e6;
+    if let Some(done) = progress.done {
+        return format!("{:.0} % done, {rate:.2} M rays/s{left}", 100.0 * done);
+    }
     let (unshot, shots) = (100.0 * progress.unshot_share, progress.shots);
-    format!("unshot {unshot:.2} %, {shots} shots, {:.2} M rays/s{left}", rate / 1e6)
+    format!("unshot {unshot:.2} %, {shots} shots, {rate:.2} M rays/s{left}")
 }
 
 /// Seconds in words.
@@ -264,13 +273,18 @@ impl Pace {
         let span = (now - *then).as_secs_f64();
         let measured =
             |change: f64, missing: f64| (change > 0.0 && span > 0.0).then(|| missing.max(0.0) * span / change);
-        let decay = before.unshot_share.ln() - progress.unshot_share.ln();
-        let by_light = measured(decay, progress.unshot_share.ln() - stop.until.ln());
-        let shots = (progress.shots - before.shots) as f64;
-        let by_shots = stop.max_shots.and_then(|n| measured(shots, n.saturating_sub(progress.shots) as f64));
         let by_time = stop.time_limit.map(|limit| (limit - elapsed.as_secs_f64()).max(0.0));
-        let known = [by_light, by_shots, by_time].into_iter().flatten().filter(|s| s.is_finite());
-        known.min_by(f64::total_cmp)
+        let StopRule { until, max_shots } = method::stop_rule(stop);
+        let first =
+            |known: [Option<f64>; 3]| known.into_iter().flatten().filter(|s| s.is_finite()).min_by(f64::total_cmp);
+        if let (Some(before), Some(done)) = (before.done, progress.done) {
+            return first([measured(done - before, 1.0 - done), by_time, None]);
+        }
+        let decay = before.unshot_share.ln() - progress.unshot_share.ln();
+        let by_light = measured(decay, progress.unshot_share.ln() - until.ln());
+        let shots = (progress.shots - before.shots) as f64;
+        let by_shots = max_shots.and_then(|n| measured(shots, n.saturating_sub(progress.shots) as f64));
+        first([by_light, by_shots, by_time])
     }
 }
 
@@ -286,12 +300,25 @@ mod tests {
             |second: u64| Progress { shots: second, unshot_share: 0.5f64.powi(second as i32), ..Progress::default() };
         (0..=4).for_each(|second| pace.note(start + Duration::from_secs(second), &at(second)));
         let now = start + Duration::from_secs(4);
-        let mut stop = StopArguments { until: 0.5f64.powi(10), max_shots: None, time_limit: None };
+        let mut stop = StopArguments { until: Some(0.5f64.powi(10)), ..StopArguments::default() };
         let left = pace.seconds_left(now, &at(4), &stop, now - start);
         assert!((left.unwrap() - 6.0).abs() < 1e-9, "{left:?}");
         stop.max_shots = Some(7);
         assert_eq!(pace.seconds_left(now, &at(4), &stop, now - start), Some(3.0));
         stop.time_limit = Some(5.0);
         assert_eq!(pace.seconds_left(now, &at(4), &stop, now - start), Some(1.0));
+    }
+
+    #[test]
+    fn work_that_grows_evenly_takes_as_long_as_what_is_left_of_it() {
+        let start = Instant::now();
+        let mut pace = Pace::default();
+        let at = |second: u64| Progress { done: Some(0.1 * second as f64), unshot_share: 1.0, ..Progress::default() };
+        (0..=4).for_each(|second| pace.note(start + Duration::from_secs(second), &at(second)));
+        let now = start + Duration::from_secs(4);
+        let left = |stop: &StopArguments| pace.seconds_left(now, &at(4), stop, now - start).unwrap();
+        assert!((left(&StopArguments::default()) - 6.0).abs() < 1e-9);
+        assert_eq!(left(&StopArguments { time_limit: Some(5.0), ..StopArguments::default() }), 1.0);
+        assert!(sentence(&at(4), 1e6, None).starts_with("40 % done, 1.00 M rays/s"));
     }
 }

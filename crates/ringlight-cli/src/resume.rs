@@ -6,9 +6,10 @@ use crate::failure::{End, Failure};
 use crate::host::Host;
 use crate::input;
 use crate::launch;
+use crate::method;
 use crate::outputs::{self, Others};
 use crate::progress::Stage;
-use crate::run::{self, Baked, Made, Run};
+use crate::run::{Baked, Made, Run};
 use crate::showing::Subject;
 use anyhow::Context;
 use ringlight::column::Store;
@@ -29,6 +30,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let made = if host.leads() { Some(make(&mut run, arguments, &bytes, host.store())?) } else { None };
     let (made, decided) = made.unzip();
     let (settings, ledger): (SolveSettings, Ledger) = run.tell(decided)?;
+    method::check_resumed(&settings, &arguments.stop, path)?;
     let Made { mesh, description, images } = run.share(&host, made)?;
     run.choose_rings(&host, &mesh, &settings)?;
     let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, None));
@@ -43,7 +45,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let hierarchy = run.whole_hierarchy(&ring);
     drop(ring);
     drop(world);
-    let reported = run::settings(&settings, &mesh, &arguments.stop);
+    let reported = method::reported(&settings, &mesh, &arguments.stop);
     let baked = Baked { made: Made { mesh, description, images }, settings, solved };
     run.finish(baked, (&arguments.targets, &arguments.display), &host, hierarchy, reported)
 }

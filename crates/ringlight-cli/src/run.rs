@@ -5,6 +5,7 @@ use crate::failure::Failure;
 use crate::host::Host;
 use crate::launch::COMMAND;
 use crate::machine;
+use crate::method;
 use crate::outputs::Others;
 use crate::progress::{Reporter, Stage};
 use crate::showing::{Showing, Subject};
@@ -14,14 +15,12 @@ use crate::watch::{Checkpoint, Watch};
 use anyhow::Context;
 use ringlight::mesh::Mesh;
 use ringlight::output::report::{RankReport, Seconds, WindowReport};
-use ringlight::plan::Counts;
+use ringlight::plan;
 use ringlight::resources::Bytes;
 use ringlight::ring::{Demand, Rings};
 use ringlight::scene::{Place, Warnings};
 use ringlight::solution::{Description, OwnLight};
-use ringlight::solve::{
-    self, Energy, Observer, Progress, Ring, Share, SolveSettings, Solver, State, StopReason, StopRule, World,
-};
+use ringlight::solve::{self, Energy, Observer, Progress, Ring, Share, SolveSettings, State, StopReason, World};
 use ringlight::transport::Communicator;
 use ringlight_visibility::Hierarchy;
 use serde::{Serialize, de::DeserializeOwned};
@@ -122,7 +121,7 @@ impl<'a, 'b> Run<'a, 'b> {
 
     /// Chooses the rings, before memory is taken for what they divide.
     pub fn choose_rings(&mut self, host: &Host, mesh: &Mesh, settings: &SolveSettings) -> Result<(), Failure> {
-        let demand = Counts::of(mesh).demand(host.mesh_place(), settings.shooters_in_flight);
+        let demand = plan::demand(mesh, host.mesh_place(), settings);
         let demand = Demand { saving: self.arguments.checkpoint.as_ref().map_or(0, |_| demand.writing), ..demand };
         let (rings, needed) = spread::choose(self.spread, demand, self.ranks)?;
         self.rings = rings;
@@ -239,9 +238,9 @@ impl<'a, 'b> Run<'a, 'b> {
         mut state: State,
         stop: &StopArguments,
     ) -> Result<Solved, Failure> {
-        let rule = StopRule { until: stop.until, max_shots: stop.max_shots };
+        let rule = method::stop_rule(stop);
         if let Some(showing) = &self.showing {
-            showing.begin(&subject, Some(stop.until), self.ranks.size());
+            showing.begin(&subject, Some(rule.until), self.ranks.size());
         }
         let (reason, progress, checkpoint_failed) = self.stage(Stage::Solve, |run| {
             let checkpoint = run.arguments.checkpoint.as_ref().map(Checkpoint::new);
@@ -295,34 +294,5 @@ pub fn warning(message: &str, count: u64, first_place: &str) -> String {
         (1, place) => format!("{message} ({place})"),
         (n, "") => format!("{message} ({n} times)"),
         (n, place) => format!("{message} ({n} times, first at {place})"),
-    }
-}
-
-/// Settings as the report shows them, whatever verb set them.
-pub fn settings(settings: &SolveSettings, mesh: &Mesh, stop: &StopArguments) -> Settings {
-    let shoot = match settings.shoot {
-        ringlight::shooting::Shoot::Elements => "elements",
-        ringlight::shooting::Shoot::Average => "average",
-    };
-    let (solver, error) = match settings.solver {
-        Solver::Plain => ("plain", None),
-        Solver::Group(error) => ("group", Some(error)),
-    };
-    let value = serde_json::json!({
-        "solver": solver,
-        "error": error,
-        "patch_size": mesh.sizes.patch,
-        "element_size": mesh.sizes.element,
-        "cells": settings.cells,
-        "shoot": shoot,
-        "sky": settings.sky,
-        "shooters_in_flight": settings.shooters_in_flight,
-        "until": stop.until,
-        "max_shots": stop.max_shots,
-        "time_limit": stop.time_limit,
-    });
-    match value {
-        serde_json::Value::Object(map) => map,
-        _ => Settings::new(),
     }
 }

@@ -56,13 +56,14 @@ pub struct Showing {
     seen: Vec<u64>,
     /// CPU and waiting time of this rank when its light was last shown.
     load: Load,
-    /// When and after how many shots light was last shown, and when it may be next.
-    shown: Option<u64>,
+    /// What light was last shown, and when it may be next.
+    shown: Option<(u64, u64)>,
     next: Instant,
     status: Status,
     told: Instant,
     pace: Pace,
-    shots: u64,
+    /// What tells whether there is new light: shots, and the bits of the unshot share.
+    light: (u64, u64),
 }
 
 /// What a rank tells the first of its light besides its colours.
@@ -88,7 +89,7 @@ impl Showing {
             status: Status::default(),
             told: now,
             pace: Pace::default(),
-            shots: 0,
+            light: (0, 0),
         }))
     }
 
@@ -122,10 +123,13 @@ impl Showing {
             control.stop = control.stop.max(Some(StopReason::Stopped));
         }
         let news = match self.every {
-            Some(every) => self.shown.is_none_or(|shown| self.shots >= shown + every),
-            None => self.shown != Some(self.shots) && Instant::now() >= self.next,
+            // A round of group shooting brings light without a shot.
+            Some(every) => self.shown.is_none_or(|(shots, unshot)| {
+                self.light.0 >= shots + every || self.light.0 == shots && self.light.1 != unshot
+            }),
+            None => self.shown != Some(self.light) && Instant::now() >= self.next,
         };
-        control.show = stage.watchers() > 0 && (news || stage.paused() && self.shown != Some(self.shots));
+        control.show = stage.watchers() > 0 && (news || stage.paused() && self.shown != Some(self.light));
         control.show |= stage.wants_model();
         control.wait = stage.paused();
         if control.wait && control.stop.is_none() && !control.show {
@@ -137,7 +141,7 @@ impl Showing {
     pub fn note(&mut self, progress: &Progress, stop: &StopArguments, start: Instant) {
         let Some(server) = &self.server else { return };
         let now = Instant::now();
-        self.shots = progress.shots;
+        self.light = (progress.shots, progress.unshot_share.to_bits());
         self.pace.note(now, progress);
         if now - self.told < UPDATE && progress.shots > 0 {
             return;
@@ -207,7 +211,7 @@ impl Showing {
                 server.stage().places(protocol::places(mesh, &world.share.owners, |facet| ring.holder(facet)));
             }
         }
-        self.shown = Some(state.shots);
+        self.shown = Some(self.light);
         self.next = Instant::now() + UPDATE.max(start.elapsed() * PART);
         if wanted {
             let light = OwnLight { own: &world.share.own, clusters: &state.clusters };

@@ -102,7 +102,7 @@ fn the_furnace_is_even() {
     // Elements of all sizes, down to a quarter; also single ones in small patches. Of as many elements as there are then some are
     // farther off: with group shooting 0.066, if all are of 0.0625 m.
     for (patch_size, element_size) in [(1.0, 0.25), (0.5, 0.5)] {
-        for (solver, most) in [(Solver::Group(0.01), 0.07), (Solver::Plain, 0.05)] {
+        for (solver, most) in [(Solver::Group(0.01), 0.05), (Solver::Plain, 0.05)] {
             furnaces.push((Task::own("furnace.glb", patch_size, element_size, true), solver, most));
         }
     }
@@ -119,16 +119,18 @@ fn the_furnace_is_even() {
     }
 }
 
+/// Elements of 5 cm reflect what plain refinement finds on average over their areas, and group shooting what it finds at their
+/// sample points: in corners that differs, by 0.6 % of all light however many rays there are.
 #[test]
 fn what_plain_refinement_comes_to() {
     let room = Task::own("cornell_box.obj", 0.05, 0.05, false);
     let (_, plain, _) = room.alone(Solver::Plain, None, &mut ());
-    for error in [0.1, 0.01] {
+    for error in [0.1, 0.01, 0.003] {
         let (reason, group, _) = room.alone(Solver::Group(error), None, &mut ());
         let (off, largest) = room.difference(&group, &plain);
         println!("asked {error}: off by {off:.4}, at most {largest:.4}");
         assert_eq!(reason, StopReason::Converged);
-        assert!(off < error, "{error}: {off}");
+        assert!(off < error + 0.006, "{error}: {off}");
     }
 }
 

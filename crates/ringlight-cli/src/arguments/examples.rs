@@ -15,6 +15,8 @@ pub const BAKE_EXAMPLES: &str = "\
 Examples:
   ringlight bake office.glb -o office-lit.glb
   ringlight bake office.glb -o office.ringlight -o office.png --camera desk --report office.json
+  ringlight bake office.glb -o office.ringlight --error 0.003                     finer than by default
+  ringlight bake office.glb -o office.ringlight --solver plain --until 0.001      the paper's method
   ringlight bake house.obj --unit cm --sky 3000 -o house.csv --quality draft
   ringlight bake church.glb -o church.ringlight --checkpoint church-part.ringlight@30 --time-limit 3600
   mpirun -n 8 ringlight bake city.glb -o city.ringlight --memory-per-rank 4GiB      needs a build with MPI";
@@ -23,7 +25,7 @@ Examples:
 pub const RESUME_EXAMPLES: &str = "\
 Examples:
   ringlight resume church-part.ringlight -o church.ringlight -o church-lit.glb --scene church.glb
-  ringlight resume office.ringlight --until 0.001 -o office-finer.ringlight";
+  ringlight resume plain.ringlight --until 0.001 -o plain-finer.ringlight       what --solver plain has begun";
 
 /// Of `export`.
 pub const EXPORT_EXAMPLES: &str = "\

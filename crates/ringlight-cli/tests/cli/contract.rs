@@ -59,13 +59,12 @@ fn values_that_make_no_sense_are_usage_errors_and_nothing_is_written() {
 fn every_flag_of_bake_works_or_is_refused_by_its_name() {
     let workshop = Workshop::new();
     let bake = |flags: &str| {
-        let quick =
-            "bake box.obj -o a.ringlight -o a.png --size 16x9 --patch-size 1 --element-size 0.5 --max-shots 2 --force";
+        let quick = "bake box.obj -o a.ringlight -o a.png --size 16x9 --patch-size 1 --element-size 0.5 --force";
         workshop.ringlight(quick).args(flags.split_whitespace()).assert()
     };
     for flags in [
-        "--solver plain --until 0.5 --cells 1 --shoot average --unit cm --sky 2",
-        "--quality draft --time-limit 60 --cells 64 --shoot elements --unit m --sky 1,2,3 --ambient",
+        "--solver plain --until 0.5 --max-shots 2 --cells 1 --shoot average --unit cm --sky 2",
+        "--quality draft --time-limit 60 --cells 64 --shoot elements --max-shots 2 --unit m --sky 1,2,3 --ambient",
         "--quality draft --threads 2 --ranks 2 --rings auto --memory-per-rank 2GiB --packet-size 9 --shards random",
         "--quality draft --ranks 3 --rings 2 --shooters-in-flight 2 --routing all --shards spatial",
         "--quality draft --checkpoint c.ringlight@5 --report r.json --progress plain --exposure 3 -v",
@@ -73,7 +72,7 @@ fn every_flag_of_bake_works_or_is_refused_by_its_name() {
         "--quality draft --tone filmic --false-colour lux --progress json --quiet",
         "--quality draft --split tiles --ranks 2",
         "--quality draft --split scanlines --ranks 3",
-        "--solver group --sky 1",
+        "--solver group --sky 1 --cells 16",
         "--error 0.1 --threads 2 --ranks 3 --rings 2",
         "--quality draft --view --view-every 3",
         "--quality draft --view=localhost:0",
@@ -84,6 +83,11 @@ fn every_flag_of_bake_works_or_is_refused_by_its_name() {
     for (flags, named) in [
         ("--solver best", "--solver"),
         ("--solver plain --error 0.01", "--error"),
+        ("--solver group --until 0.1", "--until"),
+        ("--solver group --max-shots 3", "--max-shots"),
+        ("--solver group --cells 4", "--cells"),
+        ("--solver group --cells 4 --sky 1 --shoot average", "--shoot"),
+        ("--error 0.1 --shooters-in-flight 2", "--shooters-in-flight"),
         ("--split rows", "--split"),
         ("--view=:80", "--view"),
         ("--view=a:b", "--view"),
@@ -225,9 +229,7 @@ fn the_report_holds_what_scripts_rely_on() {
 #[test]
 fn inspecting_tells_the_same_counts_as_baking() {
     let workshop = Workshop::new();
-    let command = "inspect box.obj --patch-size 1 --element-size 0.25 --cells 4 --json --rays-per-second 1e6";
-    let run = workshop.ringlight(command).assert().code(0);
-    let inspection: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let inspection = workshop.inspect("--solver plain --patch-size 1 --element-size 0.25 --cells 4");
     workshop.bake("-o a.ringlight --report a.json --until 0.01").assert().code(0);
     let report = workshop.json("a.json");
     assert_eq!(inspection["scene"], report["scene"]);
@@ -235,10 +237,10 @@ fn inspecting_tells_the_same_counts_as_baking() {
         (inspection["forecast"]["shots"].as_f64().unwrap(), report["solve"]["shots"].as_f64().unwrap());
     assert!(foretold > shots / 4.0 && foretold < shots * 4.0, "foretold {foretold}, shot {shots}");
     workshop
-        .ringlight("inspect box.obj --quality draft")
+        .ringlight("inspect box.obj --quality draft --solver plain")
         .assert()
         .code(0)
-        .stdout(contains("patches").and(contains("measured")));
+        .stdout(contains("patches").and(contains("shots")).and(contains("measured")));
 }
 
 #[test]

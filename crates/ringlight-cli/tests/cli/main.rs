@@ -2,6 +2,7 @@
 
 mod contract;
 mod damage;
+mod group;
 mod interruption;
 mod probe;
 mod ranks;

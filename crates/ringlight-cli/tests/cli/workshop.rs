@@ -9,11 +9,11 @@ pub struct Workshop {
     folder: TempDir,
 }
 
-/// Sizes at which the box is solved in a blink.
-pub const COARSE: [&str; 6] = ["--patch-size", "1", "--element-size", "0.25", "--cells", "4"];
+/// Sizes at which the box is solved in a blink, by plain refinement.
+pub const COARSE: [&str; 8] = ["--solver", "plain", "--cells", "4", "--patch-size", "1", "--element-size", "0.25"];
 
-/// Sizes at which the box keeps the command busy, with `--until 0`, until it is stopped.
-pub const ENDLESS: [&str; 6] = ["--patch-size", "0.2", "--element-size", "0.1", "--cells", "4"];
+/// Sizes at which the box keeps plain refinement busy, with `--until 0`, until it is stopped.
+pub const ENDLESS: [&str; 8] = ["--solver", "plain", "--cells", "4", "--patch-size", "0.2", "--element-size", "0.1"];
 
 /// What reads a solution or a scene, and the endings of what it writes.
 pub const READERS: [(&str, &[&str]); 6] = [
@@ -106,7 +106,7 @@ impl Workshop {
         command
     }
 
-    /// `ringlight bake box.obj` at coarse sizes.
+    /// `ringlight bake box.obj` at coarse sizes, by plain refinement.
     pub fn bake(&self, arguments: &str) -> Command {
         let mut command = self.ringlight("bake box.obj");
         command.args(COARSE).args(arguments.split_whitespace());
@@ -118,6 +118,12 @@ impl Workshop {
         let mut command = self.ringlight("bake box.obj --until 0");
         command.args(ENDLESS).args(arguments.split_whitespace());
         command
+    }
+
+    /// What `ringlight inspect box.obj` foretells.
+    pub fn inspect(&self, arguments: &str) -> serde_json::Value {
+        let run = self.ringlight(&format!("inspect box.obj --json --rays-per-second 1e6 {arguments}")).assert().code(0);
+        serde_json::from_slice(&run.get_output().stdout).unwrap()
     }
 
     /// A solution `part.ringlight` and a table `points.csv` to probe it at.

@@ -27,7 +27,7 @@ fn boxes() -> String {
 
 /// Peaks of private memory, MiB, of the ranks of a run.
 fn peaks(workshop: &Workshop, ranks: usize) -> Vec<f64> {
-    let bake = "bake boxes.obj -o boxes.ringlight --patch-size 10 --element-size 10 --cells 1 --max-shots 1 --rings 1 \
+    let bake = "bake boxes.obj -o boxes.ringlight --solver plain --patch-size 10 --element-size 10 --cells 1 --max-shots 1 --rings 1 \
                 --threads 1 --scratch . --report boxes.json --force";
     let (code, words) = run(workshop, ranks, bake);
     assert_eq!(code, Some(0), "{words}");
@@ -38,8 +38,7 @@ fn peaks(workshop: &Workshop, ranks: usize) -> Vec<f64> {
 
 /// What `inspect` foretells of each of so many ranks in one ring, MiB.
 fn foretold(workshop: &Workshop, ranks: u64) -> f64 {
-    let inspect =
-        "inspect boxes.obj --patch-size 10 --element-size 10 --cells 1 --scratch . --rays-per-second 1e6 --json";
+    let inspect = "inspect boxes.obj --solver plain --patch-size 10 --element-size 10 --cells 1 --scratch . --rays-per-second 1e6 --json";
     let run = workshop.ringlight(inspect).assert().code(0);
     let inspection: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
     let memory = inspection["memory_per_rank"].as_array().unwrap();

@@ -127,8 +127,9 @@ fn elements_of(patches: Range<u32>, first_elements: &[u32]) -> Range<usize> {
 /// Whether both sides of a facet have the same elements, if both are lit.
 fn cut_alike(facet: &Facet, first_elements: &[u32]) -> bool {
     let count = |id: u32| elements_of(id..id + 1, first_elements).len();
-    let mut pairs = facet.patch_range(false).zip(facet.patch_range(true));
-    !facet.double_sided() || pairs.all(|(front, back)| count(front) == count(back))
+    let pairs = || facet.patch_range(false).zip(facet.patch_range(true));
+    // The back of a single-sided facet has no patches, not even a number for the first.
+    !facet.double_sided() || pairs().all(|(front, back)| count(front) == count(back))
 }
 
 /// The sides of a facet that have colours of their own.

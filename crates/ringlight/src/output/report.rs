@@ -157,7 +157,7 @@ pub struct SolveReport {
 impl SolveReport {
     /// Of a finished run.
     pub fn new(progress: &Progress, stop_reason: StopReason) -> SolveReport {
-        let Progress { shots, unshot_share, rays, masks, masks_without_rays } = *progress;
+        let Progress { shots, unshot_share, rays, masks, masks_without_rays, .. } = *progress;
         SolveReport { shots, rays, masks, masks_without_rays, unshot_share, stop_reason }
     }
 }

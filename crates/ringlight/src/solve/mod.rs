@@ -15,6 +15,7 @@ mod state;
 mod walking;
 
 pub use energy::Energy;
+pub use group::usual_rays;
 pub use holding::OUTLINE;
 pub use ledger::Ledger;
 pub use plain::plain;
@@ -159,6 +160,8 @@ pub struct Progress {
     pub shots: u64,
     /// Unshot power over emitted power.
     pub unshot_share: f64,
+    /// Share of the work that is done, where the method knows it.
+    pub done: Option<f64>,
     /// Rays in this run.
     pub rays: u64,
     /// Masks in this run.

@@ -142,6 +142,7 @@ fn progress(world: &World<'_>, state: &State, joined: &Summary) -> Progress {
     Progress {
         shots: state.shots,
         unshot_share: if state.emitted > 0.0 { unshot / state.emitted } else { 0.0 },
+        done: None,
         rays: joined.tally.rays,
         masks: joined.tally.masks,
         masks_without_rays: joined.tally.masks_without_rays,

@@ -10,8 +10,8 @@ use glam::DVec3;
 use ringlight_visibility::Tally;
 
 /// Rays that find an irradiance to 1 % (root of the mean square), where what is seen differs as in a room: by [`CONTRAST`].
-/// Measured in a room, an office and a box: 0.6 to 1.1 %.
-const RAYS: f32 = 256.0;
+/// Measured in rooms, an office and a box: 0.5 to 1.1 %.
+const RAYS: f32 = 320.0;
 
 /// Fewer do not cover a hemisphere.
 const LEAST: f32 = 32.0;
@@ -20,7 +20,7 @@ const LEAST: f32 = 32.0;
 const CONTRAST: f32 = 0.6;
 
 /// Rays that tell how much differs what is seen.
-const ROUGH: u32 = 32;
+pub const ROUGH: u32 = 32;
 
 /// More rays are cast where the contrast is more than so many times the usual, up to so many times as many.
 const MORE: f32 = 4.0;
@@ -66,7 +66,7 @@ impl Around<'_> {
                 outlooks.extend(point.map(|point| Outlook { patch, element, point }));
             }
         }
-        let usual = (RAYS * power(0.01 / self.error)).max(LEAST);
+        let usual = usual_rays(self.error);
         let mut tally = Tally::default();
         let mut share = 1.0;
         if !self.reflected.is_empty() {
@@ -115,6 +115,11 @@ impl Around<'_> {
         tally.rays += u64::from(count);
         inquiry.follow((0..count).map(glance).collect::<Vec<_>>()).await
     }
+}
+
+/// Rays of a row where what is seen differs as it usually does.
+pub fn usual_rays(error: f32) -> f32 {
+    (RAYS * power(0.01 / error)).max(LEAST)
 }
 
 /// The power of the number of rays by which errors fall: N^(-4/5), measured N^(-0.75) to N^(-0.9) (by roots alone, which are the

@@ -1,0 +1,185 @@
+//! Group shooting, the default: what chooses it, how it is stopped and goes on, what is foretold of it.
+
+#[cfg(unix)]
+use crate::watcher::{self, Watcher};
+use crate::workshop::Workshop;
+use predicates::prelude::*;
+use predicates::str::contains;
+
+/// The box at sizes that are solved in a blink.
+const BAKE: &str = "bake box.obj --patch-size 1 --element-size 0.25 --force";
+
+/// The same finely enough to be stopped on its way.
+const LONG: &str = "bake box.obj --patch-size 0.5 --element-size 0.1 --error 0.002 --threads 1 --force";
+
+#[test]
+fn it_is_the_default_and_what_is_for_plain_refinement_alone_chooses_that() {
+    let workshop = Workshop::new();
+    for (flags, solver, error, until) in [
+        ("", "group", Some(0.01), None),
+        ("--error 0.1", "group", Some(0.1), None),
+        ("--quality draft --sky 1", "group", Some(0.01), None),
+        ("--solver plain", "plain", None, Some(0.01)),
+        ("--until 0.5", "plain", None, Some(0.5)),
+        ("--max-shots 3", "plain", None, Some(0.01)),
+        ("--shooters-in-flight 2", "plain", None, Some(0.01)),
+        ("--shoot average", "plain", None, Some(0.01)),
+        ("--cells 4", "plain", None, Some(0.01)),
+    ] {
+        workshop.ringlight(&format!("{BAKE} -o a.ringlight --report a.json {flags}")).assert().code(0);
+        let report = workshop.json("a.json");
+        let settings = &report["settings"];
+        assert_eq!(settings["solver"], solver, "{flags}");
+        assert_eq!((settings["error"].as_f64(), settings["until"].as_f64()), (error, until), "{flags}");
+        if solver == "group" {
+            // No lamp but surfaces, which do not shoot one by one; a sky shoots in parts.
+            assert_eq!(report["solve"]["shots"].as_u64() > Some(0), flags.contains("--sky"), "{flags}");
+            assert_eq!(
+                (&report["solve"]["unshot_share"], &report["solve"]["stop_reason"]),
+                (&0.0.into(), &"converged".into())
+            );
+            assert!(report["energy"]["closure_error"].as_f64().unwrap().abs() < 0.05, "{flags}");
+        }
+    }
+}
+
+#[test]
+fn the_solution_does_not_depend_on_where_it_runs_or_who_watches() {
+    let workshop = Workshop::new();
+    workshop.ringlight(&format!("{BAKE} -o one.ringlight --threads 1")).assert().code(0);
+    for way in [
+        "--threads 2",
+        "--ranks 3 --rings 2",
+        "--ranks 3 --rings 1 --packet-size 7 --shards random --routing all",
+        "--view --view-every 1",
+    ] {
+        workshop.ringlight(&format!("{BAKE} -o many.ringlight {way}")).assert().code(0);
+        assert!(workshop.bytes("many.ringlight") == workshop.bytes("one.ringlight"), "{way}");
+    }
+}
+
+#[test]
+fn what_a_time_limit_stopped_goes_on_to_the_same_light() {
+    let workshop = Workshop::new();
+    workshop.ringlight(&format!("{LONG} -o whole.ringlight --report whole.json")).assert().code(0);
+    let stopped = workshop.ringlight(&format!("{LONG} -o a.ringlight --report a.json --time-limit 0.3")).assert();
+    stopped.code(4).stderr(contains("stopped by --time-limit").and(contains("% done")));
+    assert_eq!(workshop.json("a.json")["solve"]["stop_reason"], "time-limit");
+    workshop.ringlight("export a.ringlight -o a.csv").assert().code(0);
+    workshop.ringlight("resume a.ringlight -o b.ringlight --time-limit 0.3").assert().code(4);
+    workshop.ringlight("resume b.ringlight -o c.ringlight --ranks 2 --report c.json").assert().code(0);
+    let [whole, resumed] = ["whole.json", "c.json"].map(|name| workshop.json(name));
+    assert_eq!(resumed["settings"]["solver"], "group");
+    assert_eq!(resumed["settings"]["error"], 0.002);
+    assert_eq!(resumed["solution_digest"], whole["solution_digest"]);
+    assert!(workshop.bytes("c.ringlight") == workshop.bytes("whole.ringlight"));
+}
+
+#[cfg(unix)]
+#[test]
+fn a_killed_run_goes_on_from_its_checkpoint() {
+    let workshop = Workshop::new();
+    workshop.ringlight(&format!("{LONG} -o whole.ringlight")).assert().code(0);
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ringlight"));
+    let bake = format!("{LONG} -o a.ringlight --checkpoint part.ringlight@0 --progress none");
+    let mut child = command.current_dir(workshop.path("")).args(bake.split_whitespace()).spawn().unwrap();
+    let start = std::time::Instant::now();
+    while !workshop.path("part.ringlight").exists() {
+        assert!(start.elapsed().as_secs() < 30, "no checkpoint within half a minute");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(!workshop.path("a.ringlight").exists());
+    workshop.ringlight("resume part.ringlight -o b.ringlight").assert().code(0);
+    assert!(workshop.bytes("b.ringlight") == workshop.bytes("whole.ringlight"));
+}
+
+#[cfg(unix)]
+#[test]
+fn watchers_see_the_light_of_the_first_round_and_may_stop_the_second() {
+    let workshop = Workshop::new();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ringlight"));
+    let bake = format!("{LONG} -o a.ringlight --view --ranks 2");
+    command.current_dir(workshop.path("")).args(bake.split_whitespace()).stderr(std::process::Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let (address, said) = watcher::address(&mut child);
+    let mut watcher = Watcher::open(&address);
+    while watcher.status["unshot_share"] != 0.0 || watcher.light == 0 {
+        assert!(watcher.round(), "the server has ended before the first round: {}", watcher.status);
+    }
+    assert_eq!(watcher.status["phase"], "solve");
+    watcher.say("stop");
+    watcher.watch_to_the_end();
+    assert_eq!(child.wait().unwrap().code(), Some(4), "{}", said());
+    workshop.ringlight("resume a.ringlight -o b.ringlight").assert().code(0);
+    workshop.ringlight(&format!("{LONG} -o whole.ringlight")).assert().code(0);
+    assert!(workshop.bytes("b.ringlight") == workshop.bytes("whole.ringlight"));
+}
+
+#[test]
+fn a_solution_goes_on_by_the_method_that_began_it() {
+    let workshop = Workshop::new();
+    workshop.ringlight(&format!("{BAKE} -o group.ringlight")).assert().code(0);
+    workshop.ringlight("resume group.ringlight -o again.ringlight").assert().code(0);
+    assert!(workshop.bytes("again.ringlight") == workshop.bytes("group.ringlight"));
+    for flags in ["--until 0.001", "--max-shots 9"] {
+        let refusal = contains("group.ringlight").and(contains("--solver plain")).and(contains(&flags[..6]));
+        workshop.ringlight(&format!("resume group.ringlight -o b.ringlight {flags}")).assert().code(2).stderr(refusal);
+    }
+    assert!(!workshop.path("b.ringlight").exists());
+    workshop.bake("-o plain.ringlight --max-shots 5").assert().code(0);
+    workshop.ringlight("resume plain.ringlight -o c.ringlight --report c.json").assert().code(0);
+    let settings = &workshop.json("c.json")["settings"];
+    assert_eq!((&settings["solver"], &settings["until"]), (&"plain".into(), &0.01.into()));
+    workshop.bake("-o d.ringlight").assert().code(0);
+    assert!(workshop.bytes("c.ringlight") == workshop.bytes("d.ringlight"));
+}
+
+#[test]
+fn inspecting_foretells_rays_and_memory() {
+    let workshop = Workshop::new();
+    let sizes = "--patch-size 1 --element-size 0.25";
+    let [group, fine, plain] =
+        ["", "--error 0.001", "--solver plain"].map(|flags| workshop.inspect(&format!("{sizes} {flags}")));
+    workshop.ringlight(&format!("{BAKE} -o a.ringlight --report a.json")).assert().code(0);
+    let report = workshop.json("a.json");
+    assert_eq!(group["scene"], report["scene"]);
+    let forecast = &group["forecast"];
+    assert_eq!(
+        (&forecast["solver"], &forecast["error"], &forecast["until"]),
+        (&"group".into(), &0.01.into(), &().into())
+    );
+    assert_eq!(forecast["own_elements"], report["scene"]["elements"]);
+    // Masks of the lamp come on top.
+    let (foretold, cast) = (forecast["rays"].as_f64().unwrap(), report["solve"]["rays"].as_f64().unwrap());
+    assert!(foretold > cast / 3.0 && foretold < 2.0 * cast, "foretold {foretold}, cast {cast}");
+    assert_eq!(forecast["seconds"].as_f64().unwrap(), foretold / 1e6);
+    assert_eq!((&plain["forecast"]["solver"], &plain["forecast"]["until"]), (&"plain".into(), &0.01.into()));
+    let memory = |of: &serde_json::Value| of["memory_bytes"].as_u64().unwrap();
+    let rows = memory(&fine) - memory(&group);
+    // Seventeen times as many rays make so many more entries of 8 bytes.
+    let elements = report["scene"]["elements"].as_u64().unwrap();
+    assert!(rows > elements * 8 * 1000 && memory(&group) > memory(&plain), "{rows}");
+    let words = contains("by groups to an error of 1 %").and(contains("look about")).and(contains("measured"));
+    workshop.ringlight("inspect box.obj --quality draft").assert().code(0).stdout(words);
+    workshop.ringlight("inspect box.obj --error 0.1 --until 0.1").assert().code(2).stderr(contains("--until"));
+}
+
+/// Where contrast asks for more rays than usual.
+#[cfg(target_os = "linux")]
+#[test]
+fn no_more_memory_is_taken_than_was_foretold() {
+    let workshop = Workshop::new();
+    let gallery = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/gallery.glb");
+    let sizes = "--patch-size 0.8 --element-size 0.25";
+    let mut bake = workshop.ringlight(&format!("bake -o a.ringlight --report a.json {sizes}"));
+    bake.arg(&gallery).assert().code(0);
+    let mut inspect = workshop.ringlight(&format!("inspect --json --rays-per-second 1e6 {sizes}"));
+    let run = inspect.arg(&gallery).assert().code(0);
+    let inspection: serde_json::Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let foretold = inspection["memory_bytes"].as_f64().unwrap();
+    let taken = workshop.json("a.json")["peak_memory_bytes"].as_f64().unwrap();
+    println!("{taken} bytes of the {foretold} foretold");
+    assert!(taken < foretold && taken > 0.5 * foretold, "{taken} bytes of the {foretold} foretold");
+}
