@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// Modules of the library in the order in which data flows: each may name those before it.
-const ORDER: [&str; 17] = [
+const ORDER: [&str; 18] = [
     "quantity",
     "column",
     "resources",
@@ -19,6 +19,7 @@ const ORDER: [&str; 17] = [
     "solve",
     "solution",
     "smooth",
+    "adapt",
     "probe",
     "view_factor",
     "plan",

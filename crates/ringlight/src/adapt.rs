@@ -16,7 +16,7 @@ use ringlight_visibility::Layout;
 /// How fine elements become.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fineness {
-    /// Elements of the size asked for are cut into [`PARTS`] parts along both sides so many times at most.
+    /// Elements of the size asked for are cut into three parts along both sides so many times at most.
     pub levels: u32,
     /// Light of an element may differ from what is expected by this share of itself.
     pub tolerance: f64,
@@ -33,7 +33,7 @@ const PARTS: u32 = 3;
 pub const MOST_LEVELS: u32 = 5;
 
 /// How finely the patches of a solved scene are to be cut, for [`crate::mesh::Mesh::refined`]; none finer than
-/// `fineness.levels` say, and each at most [`PARTS`] times as fine as it was.
+/// `fineness.levels` say, and each at most three times as fine as it was.
 pub fn subdivisions(solution: &Solution, fineness: &Fineness) -> Vec<u8> {
     let mesh = &solution.mesh;
     let smooth = Smooth::without_rays(solution);

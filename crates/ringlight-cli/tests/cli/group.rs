@@ -43,6 +43,26 @@ fn it_is_the_default_and_what_is_for_plain_refinement_alone_chooses_that() {
     }
 }
 
+/// Cutting elements where light changes much gives more of them there, and the same ones wherever it runs, with either solver.
+#[test]
+fn adaptive_elements_do_not_depend_on_where_they_are_found() {
+    let workshop = Workshop::new();
+    for solver in ["--error 0.05", "--max-shots 5"] {
+        let bake = format!("{BAKE} {solver} --adapt 2");
+        workshop.ringlight(&format!("{bake} -o one.ringlight --threads 1 --report one.json")).assert().code(0);
+        for way in ["--threads 2", "--ranks 3 --rings 2", "--ranks 4 --rings 1 --packet-size 7 --shards random"] {
+            workshop.ringlight(&format!("{bake} -o many.ringlight {way}")).assert().code(0);
+            assert!(workshop.bytes("many.ringlight") == workshop.bytes("one.ringlight"), "{solver} {way}");
+        }
+        workshop.ringlight(&format!("{BAKE} {solver} -o even.ringlight --report even.json")).assert().code(0);
+        let [adapted, even] = ["one.json", "even.json"].map(|report| workshop.json(report));
+        assert_eq!([&adapted["settings"]["adapt"], &even["settings"]["adapt"]], [2, 0]);
+        let elements = |report: &serde_json::Value| report["scene"]["elements"].as_u64().unwrap();
+        assert!(elements(&adapted) > elements(&even) && elements(&adapted) < 81 * elements(&even));
+    }
+    workshop.ringlight(&format!("{BAKE} -o a.ringlight --adapt 6")).assert().code(2);
+}
+
 #[test]
 fn the_solution_does_not_depend_on_where_it_runs_or_who_watches() {
     let workshop = Workshop::new();
