@@ -17,7 +17,7 @@ import numpy as np
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 COMMAND = os.environ.get("RINGLIGHT", os.path.join(HERE, "..", "target", "release", "ringlight"))
-SETTINGS = ["scene", "patch", "element", "cells", "until", "error"]
+SETTINGS = ["scene", "patch", "element", "cells", "until", "error", "adapt"]
 COLUMNS = ["series"] + SETTINGS + ["patches", "elements", "shots", "threads", "cpu", "wall", "rmse_raw", "rmse", "bias",
                                    "reference_error", "inside", "points", "worst"]
 
@@ -39,10 +39,10 @@ TIME = {
     "cornell": [(100, 0.033, 4, 0.03), (100, 0.033, 16, 0.01), (100, 0.033, 64, 0.001), (0.05, 0.0055, 64, 0.0003)],
     "office": [(100, OFFICE, 4, 0.03), (100, OFFICE, 16, 0.01), (1, OFFICE, 4, 0.003), (OFFICE, OFFICE, 16, 0.0007)],
 }
-# Group shooting (`--solver group`): patch and element size, and the error asked for.
+# Group shooting (`--solver group`): patch and element size, the error asked for, and how often elements may be cut in nine.
 GROUP = {
-    "cornell": [(0.1, 0.033, 0.02), (0.1, 0.011, 0.02), (0.1, 0.011, 0.005), (0.1, 0.0055, 0.005)],
-    "office": [(OFFICE, OFFICE, 0.05), (OFFICE, OFFICE, 0.02), (OFFICE, OFFICE, 0.01)],
+    "cornell": [(0.033, 0.033, *how) for how in [(0.02, 0), (0.01, 0), (0.005, 0), (0.005, 1), (0.003, 1), (0.0015, 1)]],
+    "office": [(OFFICE, OFFICE, *how) for how in [(0.03, 0), (0.01, 0), (0.01, 1), (0.004, 1), (0.01, 2)]],
 }
 SERIES = ["time", *VARIED, "group"]
 
@@ -59,11 +59,11 @@ def runs(names, only):
                     settings = list(BASE[scene])
                     settings[SETTINGS.index(name) - 1] = value
                     series.setdefault((scene, *settings), []).append(name)
-            for patch, element, error in GROUP[scene]:
-                series.setdefault((scene, patch, element, "", "", error), []).append("group")
+            for patch, element, error, adapt in GROUP[scene]:
+                series.setdefault((scene, patch, element, "", "", error, adapt), []).append("group")
     for settings, of in series.items():
         if set(of) & set(names):
-            yield " ".join(of), dict(zip(SETTINGS, (*settings, "")))
+            yield " ".join(of), dict(zip(SETTINGS, (*settings, "", "")))
 
 
 def timed(command, limit):
@@ -128,7 +128,7 @@ def run(harness, data, settings, arguments):
         command += ["--patch-size", str(settings["patch"]), "--element-size", str(settings["element"])]
         command += ["--threads", str(arguments.threads)]
         if settings["error"]:
-            command += ["--solver", "group", "--error", str(settings["error"])]
+            command += ["--solver", "group", "--error", str(settings["error"]), "--adapt", str(settings["adapt"])]
         else:
             command += ["--solver", "plain", "--cells", str(settings["cells"]), "--until", str(settings["until"])]
         cpu, wall = timed(command, arguments.most_seconds)

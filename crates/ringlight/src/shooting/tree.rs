@@ -331,8 +331,9 @@ mod tests {
     }
 
     #[test]
-    fn leaves_are_all_elements_once_also_where_patches_are_cut_differently() {
-        let obj = "v 0 0 0\nv 3 0 0\nv 3 2 0\nv 0 2.5 0\nv 5 0 0\nv 8 0 0\nv 5 3 0\nusemtl grey\nf 1 2 3 4\nf 5 6 7\n";
+    fn leaves_are_all_elements_that_emit_once_also_where_patches_are_cut_differently() {
+        let obj = "v 0 0 0\nv 3 0 0\nv 3 2 0\nv 0 2.5 0\nv 5 0 0\nv 8 0 0\nv 5 3 0\nv 9 9 5\nusemtl glow\nf 1 2 3 4\nf 5 6 7\n\
+            usemtl grey\nf 6 7 8\n";
         for sizes in [[1.0, 0.5], [0.5, 0.5], [4.0, 0.25]] {
             let solution = fixture::solve_refined(fixture::read(obj), sizes, 1.0, fixture::mixed([1, 2, 3]));
             let mesh = &solution.mesh;
@@ -349,7 +350,11 @@ mod tests {
                     assert!(node.low.cmple(child.low).all() && node.high.cmpge(child.high).all());
                 }
             }
-            assert!(found.iter().all(|&count| count == 1), "{sizes:?}");
+            let emits = |(element, &count): (u32, &u32)| {
+                let patch = mesh.patch(mesh.patch_of(element));
+                count == u32::from(mesh.colour(&patch, element).emits())
+            };
+            assert!((0..).zip(&found).all(emits), "{sizes:?}");
             // Both sides of a trapezoid of 6.75 m² and a triangle of 4.5 m².
             assert!((tree.nodes[0].area - 22.5).abs() < 1e-4, "{sizes:?}: {}", tree.nodes[0].area);
         }
