@@ -8,7 +8,8 @@
 //! back and forth over them until it has settled: no bounce needs rays of its own, and none is left out.
 //!
 //! A first round with fewer rays and larger errors tells how much light elements have, which errors are relative to. DESIGN
-//! (issue 7) has sweeps of unshot light over one tree for all; measured, rows came to the same error in a tenth of the time.
+//! (issue 7) has sweeps of unshot light over one tree for all; measured against links over such a tree, rows came to the same error in
+//! a third to a fifth of the time.
 
 mod cut;
 mod passes;
