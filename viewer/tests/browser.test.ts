@@ -15,7 +15,7 @@ const OFFICE = "../scenes/office.glb";
 const FOLDERS = (process.env.PATH ?? "").split(delimiter);
 const CHROMIUM = ["chromium", "chromium-browser", "google-chrome"].flatMap((name) => FOLDERS.map((at) => join(at, name)));
 /** A bake of many small shots that goes on until it is stopped. */
-const SLOW = ["bake", OFFICE, "--quality", "normal", "--cells", "64", "--until", "0"];
+const SLOW = ["bake", OFFICE, "--element-size", "0.1", "--cells", "64", "--until", "0"];
 /** Longest wait for anything, milliseconds: software draws slowly beside a bake. */
 const PATIENCE = 60_000;
 
