@@ -13,9 +13,8 @@ use crate::plan::Plan;
 use crate::predicate::{self, Prepared};
 
 pub(crate) const GRID: u8 = 0;
-pub(crate) const TWISTED: u8 = 1;
-pub(crate) const POINTS: u8 = 2;
-pub(crate) const DIRECTIONS: u8 = 3;
+pub(crate) const POINTS: u8 = 1;
+pub(crate) const DIRECTIONS: u8 = 2;
 
 /// A triangle as the receivers see it.
 pub(crate) struct View<S: Machine> {
@@ -55,7 +54,7 @@ impl<S: Machine> View<S> {
     /// The function n·(c−x) of the cell.
     #[inline(always)]
     fn affine(plan: &Plan, n: LaneVector<S>, anchor: LaneVector<S>) -> Affine<S> {
-        Affine { base: dot_lanes(n, anchor), u: dot(n, plan.edge_u), v: dot(n, plan.edge_v), w: dot(n, plan.twist) }
+        Affine { base: dot_lanes(n, anchor), u: dot(n, plan.edge_u), v: dot(n, plan.edge_v) }
     }
 
     /// The receivers that graze the triangle, see [`predicate::GRAZING`].
@@ -74,7 +73,7 @@ impl<S: Machine> View<S> {
     }
 
     #[inline(always)]
-    pub fn over_grid<const KIND: u8, const SIDE: usize>(
+    pub fn over_grid<const SIDE: usize>(
         &self,
         simd: S,
         plan: &Plan,
@@ -88,9 +87,8 @@ impl<S: Machine> View<S> {
             base: (plan.far * dot(anchor, t.normal)).flip(self.sign) - self.distance,
             u: Lanes::splat(simd, plan.far * predicate::dot(t.normal, plan.edge_u)).flip(self.sign),
             v: Lanes::splat(simd, plan.far * predicate::dot(t.normal, plan.edge_v)).flip(self.sign),
-            w: Lanes::splat(simd, plan.far * predicate::dot(t.normal, plan.twist)).flip(self.sign),
         };
-        let [depth_bottom, top] = depth.bounds::<KIND>(simd, plan);
+        let [depth_bottom, top] = depth.bounds(plan);
         alive = simd.and_m32s(alive, top.not_negative());
         if !any(simd, alive) {
             return None;
@@ -103,7 +101,7 @@ impl<S: Machine> View<S> {
         // For few cells the bounds cost more than they save.
         if plan.count > 16 {
             for function in [a, b, c] {
-                let [_, top] = function.bounds::<KIND>(simd, plan);
+                let [_, top] = function.bounds(plan);
                 alive = simd.and_m32s(alive, top.not_negative());
             }
             if !any(simd, alive) {
@@ -112,13 +110,13 @@ impl<S: Machine> View<S> {
         }
         let undecided = any(simd, simd.and_m32s(alive, simd.not_m32s(depth_bottom.not_negative())));
         let seen = if undecided {
-            words::<S, KIND, SIDE, 4>(simd, plan, [a, b, c, depth])
+            words::<S, SIDE, 4>(simd, plan, [a, b, c, depth])
         } else {
-            words::<S, KIND, SIDE, 3>(simd, plan, [a, b, c])
+            words::<S, SIDE, 3>(simd, plan, [a, b, c])
         };
         let seen = Self::among(simd, seen, wanted, alive)?;
         let [a, b, c] = strict;
-        let sure = words::<S, KIND, SIDE, 3>(simd, plan, [a, b, c]);
+        let sure = words::<S, SIDE, 3>(simd, plan, [a, b, c]);
         Some(Found { seen, sure, grazing: self.grazing(t) })
     }
 
@@ -195,14 +193,13 @@ pub(crate) struct Affine<S: Machine> {
     pub base: Lanes<S>,
     pub u: Lanes<S>,
     pub v: Lanes<S>,
-    pub w: Lanes<S>,
 }
 
 impl<S: Machine> Affine<S> {
     /// The difference from another one, of an untwisted grid.
     #[inline(always)]
     pub fn less(self, other: Self) -> Self {
-        Affine { base: self.base - other.base, u: self.u - other.u, v: self.v - other.v, w: self.w }
+        Affine { base: self.base - other.base, u: self.u - other.u, v: self.v - other.v }
     }
 
     #[inline(always)]
@@ -223,18 +220,13 @@ impl<S: Machine> Affine<S> {
 
     /// The value at cell `k`.
     #[inline(always)]
-    fn at<const KIND: u8>(&self, plan: &Plan, k: usize) -> Lanes<S> {
-        let slope = if KIND == TWISTED { self.u + plan.v[k] * self.w } else { self.u };
-        (self.base + plan.v[k] * self.v) + plan.u[k] * slope
+    fn at(&self, plan: &Plan, k: usize) -> Lanes<S> {
+        (self.base + plan.v[k] * self.v) + plan.u[k] * self.u
     }
 
-    /// Least and greatest computed value over the cells, or bounds on them. A twisted grid has none: it is not monotone
-    /// after rounding, and rare.
+    /// Least and greatest computed value over the cells, or bounds on them.
     #[inline(always)]
-    pub fn bounds<const KIND: u8>(&self, simd: S, plan: &Plan) -> [Lanes<S>; 2] {
-        if KIND == TWISTED {
-            return [Lanes::splat(simd, -1.0), Lanes::splat(simd, 1.0)];
-        }
+    pub fn bounds(&self, plan: &Plan) -> [Lanes<S>; 2] {
         let (near, far) = (self.base + plan.v_range[0] * self.v, self.base + plan.v_range[1] * self.v);
         let (left, right) = (plan.u_range[0] * self.u, plan.u_range[1] * self.u);
         [near.min(far) + left.min(right), near.max(far) + left.max(right)]
@@ -246,7 +238,7 @@ impl<S: Machine> Affine<S> {
 /// The sum of row and column has the sign that comparing the column with the row's negative tells: rounding never
 /// changes a sign.
 #[inline(always)]
-pub(crate) fn words<S: Machine, const KIND: u8, const SIDE: usize, const N: usize>(
+pub(crate) fn words<S: Machine, const SIDE: usize, const N: usize>(
     simd: S,
     plan: &Plan,
     functions: [Affine<S>; N],
@@ -280,9 +272,9 @@ pub(crate) fn words<S: Machine, const KIND: u8, const SIDE: usize, const N: usiz
         }
     } else {
         for k in 0..plan.count {
-            let mut pass = functions[0].at::<KIND>(plan, k).not_negative();
+            let mut pass = functions[0].at(plan, k).not_negative();
             for f in 1..N {
-                pass = simd.and_m32s(pass, functions[f].at::<KIND>(plan, k).not_negative());
+                pass = simd.and_m32s(pass, functions[f].at(plan, k).not_negative());
             }
             words[k >> 5] = simd.or_u32s(words[k >> 5], bit_where(simd, pass, k));
         }

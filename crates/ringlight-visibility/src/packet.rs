@@ -1,7 +1,7 @@
 //! A packet of receivers, and what a triangle clears of their masks.
 
 use crate::instruction_set::Machine;
-use crate::kernel::{DIRECTIONS, Found, GRID, POINTS, TWISTED, View};
+use crate::kernel::{DIRECTIONS, Found, GRID, POINTS, View};
 use crate::lanes::{LaneVector, Lanes, any, dot, from_point, nonzero, norm};
 use crate::plan::{Kind, Plan};
 use crate::predicate::{self, Prepared};
@@ -142,7 +142,6 @@ impl Packet {
                 (Kind::Grid, 4) => self.clear_chunk::<S, GRID, 4>(simd, plan, candidate, chunk),
                 (Kind::Grid, 8) => self.clear_chunk::<S, GRID, 8>(simd, plan, candidate, chunk),
                 (Kind::Grid, _) => self.clear_chunk::<S, GRID, 0>(simd, plan, candidate, chunk),
-                (Kind::TwistedGrid, _) => self.clear_chunk::<S, TWISTED, 0>(simd, plan, candidate, chunk),
                 (Kind::Points, _) => self.clear_chunk::<S, POINTS, 0>(simd, plan, candidate, chunk),
                 (Kind::Directions, _) => self.clear_chunk::<S, DIRECTIONS, 0>(simd, plan, candidate, chunk),
             };
@@ -179,8 +178,8 @@ impl Packet {
             simd.and_u32s(low, simd.splat_u32s(candidate.cells as u32)),
             simd.and_u32s(high, simd.splat_u32s((candidate.cells >> 32) as u32)),
         ];
-        let found = if KIND == GRID || KIND == TWISTED {
-            view.over_grid::<KIND, SIDE>(simd, plan, candidate, alive, wanted)
+        let found = if KIND == GRID {
+            view.over_grid::<SIDE>(simd, plan, candidate, alive, wanted)
         } else {
             view.over_cells::<KIND>(simd, plan, candidate, alive, wanted)
         };

@@ -9,9 +9,7 @@ use crate::{Cells, Layout, MAX_CELLS, NO_PLANE, Shooter};
 pub(crate) enum Kind {
     /// Affine in (u, v).
     Grid,
-    /// Affine in (u, v), with the bilinear term.
-    TwistedGrid,
-    /// Cell by cell.
+    /// Cell by cell; also a grid that is twisted, or so thin that it has no axes.
     Points,
     /// Cell by cell, at infinity.
     Directions,
@@ -45,11 +43,11 @@ pub(crate) struct Plan {
     /// Side of a quadrilateral grid whose rows and columns may be evaluated apart; else 0.
     pub side: usize,
     pub count: usize,
-    /// An untwisted grid's cells lie at parameters (whole number + 1 / `lattice.1`) / `lattice.0`, or some of those.
+    /// A grid's cells lie at parameters (whole number + 1 / `lattice.1`) / `lattice.0`, or some of those.
     pub lattice: (f32, f32),
-    /// An untwisted grid's axes, see [`crate::shadow`].
+    /// A grid's axes, see [`crate::shadow`].
     pub axes: Option<[Vector; 3]>,
-    /// An untwisted grid's columns and rows.
+    /// A grid's columns and rows.
     pub lines: [Lines; 2],
     /// Mask with a bit for every cell.
     pub all: u64,
@@ -65,7 +63,6 @@ pub(crate) struct Plan {
     pub anchor: Vector,
     pub edge_u: Vector,
     pub edge_v: Vector,
-    pub twist: Vector,
     /// Half the extent of the box around scattered cells, rounded up.
     pub half: Vector,
     /// No cell is farther (in the sum of coordinates) from the anchor than this.
@@ -135,7 +132,6 @@ impl Plan {
             anchor: [0.0; 3],
             edge_u: [0.0; 3],
             edge_v: [0.0; 3],
-            twist: [0.0; 3],
             half: [0.0; 3],
             spread: 0.0,
             far: shooter.far,
@@ -143,12 +139,20 @@ impl Plan {
         };
         match &shooter.cells {
             Cells::Grid(grid) => {
-                plan.kind = if grid.twist == [0.0; 3] { Kind::Grid } else { Kind::TwistedGrid };
-                if grid.layout == Layout::Quad && plan.kind == Kind::Grid {
+                let side = grid.side as f32;
+                let lattice = if grid.layout == Layout::Quad { (side, 2.0) } else { (3.0 * side, 1.0) };
+                let straight = grid.straight().and_then(|grid| Some((axes(grid.edge_u, grid.edge_v, lattice)?, grid)));
+                let Some((axes, grid)) = straight else {
+                    let points: Vec<Vector> = (0..count).map(|k| grid.point(k)).collect();
+                    plan.scatter(&points);
+                    return plan;
+                };
+                plan.kind = Kind::Grid;
+                plan.axes = Some(axes);
+                plan.lattice = lattice;
+                if grid.layout == Layout::Quad {
                     plan.side = grid.side as usize;
                 }
-                let side = grid.side as f32;
-                plan.lattice = if grid.layout == Layout::Quad { (side, 2.0) } else { (3.0 * side, 1.0) };
                 for k in 0..count {
                     plan.cells[k] = grid.point(k);
                     [plan.u[k], plan.v[k]] = grid.layout.centre(grid.side, k);
@@ -157,26 +161,26 @@ impl Plan {
                 let range = |t: &[f32]| [t.iter().copied().fold(1.0, f32::min), t.iter().copied().fold(0.0, f32::max)];
                 plan.u_range = range(&plan.u[..count]);
                 plan.v_range = range(&plan.v[..count]);
-                (plan.anchor, plan.edge_u, plan.edge_v, plan.twist) =
-                    (grid.origin, grid.edge_u, grid.edge_v, grid.twist);
-                if plan.kind == Kind::Grid {
-                    plan.axes = axes(grid.edge_u, grid.edge_v, plan.lattice);
-                }
-                plan.spread = (norm(grid.edge_u) + norm(grid.edge_v)) + norm(grid.twist);
+                (plan.anchor, plan.edge_u, plan.edge_v) = (grid.origin, grid.edge_u, grid.edge_v);
+                plan.spread = norm(grid.edge_u) + norm(grid.edge_v);
             }
-            Cells::Points(cells) | Cells::Directions(cells) => {
-                plan.cells[..count].copy_from_slice(cells);
-                let (low, high) = around(cells);
-                plan.anchor = std::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]);
-                plan.half = std::array::from_fn(|i| (high[i] - plan.anchor[i]).max(plan.anchor[i] - low[i]) * 1.00001);
-                plan.spread = norm(plan.half);
-                if matches!(shooter.cells, Cells::Directions(_)) {
-                    plan.kind = Kind::Directions;
-                    plan.far = 1.0;
-                }
+            Cells::Points(cells) => plan.scatter(cells),
+            Cells::Directions(cells) => {
+                plan.scatter(cells);
+                plan.kind = Kind::Directions;
+                plan.far = 1.0;
             }
         }
         plan
+    }
+
+    /// Puts cells where they are.
+    fn scatter(&mut self, cells: &[Vector]) {
+        self.cells[..cells.len()].copy_from_slice(cells);
+        let (low, high) = around(cells);
+        self.anchor = std::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]);
+        self.half = std::array::from_fn(|i| (high[i] - self.anchor[i]).max(self.anchor[i] - low[i]) * 1.00001);
+        self.spread = norm(self.half);
     }
 
     /// Bound on the distance from `x` to any cell; for directions, on their length.
@@ -200,9 +204,9 @@ impl Plan {
     pub fn along(&self, n: Vector, x: Vector, k: usize, allowance: f32) -> f32 {
         match self.kind {
             Kind::Points | Kind::Directions => dot(n, self.towards(x, k)) + allowance,
-            Kind::Grid | Kind::TwistedGrid => {
+            Kind::Grid => {
                 let base = dot(n, sub(self.anchor, x)) + allowance;
-                self.affine([base, dot(n, self.edge_u), dot(n, self.edge_v), dot(n, self.twist)], k)
+                self.affine([base, dot(n, self.edge_u), dot(n, self.edge_v)], k)
             }
         }
     }
@@ -215,19 +219,18 @@ impl Plan {
             // Any distance will do, but the ray must come nearer to the plane.
             Kind::Directions => scale * dot(t.normal, self.cells[k]) - f32::MIN_POSITIVE,
             Kind::Points => scale * dot(t.normal, self.towards(x, k)) - height.abs(),
-            Kind::Grid | Kind::TwistedGrid => {
+            Kind::Grid => {
                 let base = scale * dot(t.normal, sub(self.anchor, x)) - height.abs();
-                let slopes = [self.edge_u, self.edge_v, self.twist].map(|edge| scale * dot(t.normal, edge));
-                self.affine([base, slopes[0], slopes[1], slopes[2]], k)
+                let slopes = [self.edge_u, self.edge_v].map(|edge| scale * dot(t.normal, edge));
+                self.affine([base, slopes[0], slopes[1]], k)
             }
         }
     }
 
-    /// base + v·b + u·a + u·v·w, rows first, so that in an untwisted grid row and column terms are added once each.
+    /// base + v·b + u·a, rows first, so that row and column terms are added once each.
     #[inline(always)]
-    fn affine(&self, [base, a, b, w]: [f32; 4], k: usize) -> f32 {
-        let slope = if self.kind == Kind::TwistedGrid { a + self.v[k] * w } else { a };
-        (base + self.v[k] * b) + self.u[k] * slope
+    fn affine(&self, [base, a, b]: [f32; 3], k: usize) -> f32 {
+        (base + self.v[k] * b) + self.u[k] * a
     }
 
     /// Whether rounding may claim a hit far from the triangle, see [`crate::predicate::GRAZING`].

@@ -102,8 +102,8 @@ impl Look for AtCells {
                 (Kind::Directions, false) => {
                     sift_chunk::<M, false, true>(machine, plan, packet, facet, cells, chunk, &mut sifted);
                 }
-                // Twisted or very thin.
-                (Kind::Grid | Kind::TwistedGrid, _) => sifted.doubtful = cells,
+                // A grid has axes, and a way of its own.
+                (Kind::Grid, _) => sifted.doubtful = cells,
             }
         }
         sifted

@@ -27,6 +27,9 @@ pub struct Grid {
     pub side: u32,
 }
 
+/// What corners given in single precision may twist a rectangle by, as a share of its coordinates.
+const ROUNDING: f32 = 1e-6;
+
 impl Layout {
     /// Parameters of the centre of cell `k`.
     pub fn centre(self, side: u32, k: usize) -> [f32; 2] {
@@ -55,6 +58,21 @@ impl Grid {
     /// Always false: a grid has at least one cell.
     pub fn is_empty(&self) -> bool {
         false
+    }
+
+    /// The grid with what rounding has twisted made part of its edges, so that no cell moves by more than that; none if it is twisted
+    /// by more.
+    pub(crate) fn straight(&self) -> Option<Grid> {
+        let norm = |v: [f32; 3]| v.iter().map(|c| c.abs()).sum::<f32>();
+        let rounding = ROUNDING * (norm(self.origin) + norm(self.edge_u) + norm(self.edge_v));
+        let add = |a: [f32; 3], share: f32| std::array::from_fn(|i| a[i] + share * self.twist[i]);
+        (norm(self.twist) <= rounding).then(|| Grid {
+            origin: add(self.origin, -0.25),
+            edge_u: add(self.edge_u, 0.5),
+            edge_v: add(self.edge_v, 0.5),
+            twist: [0.0; 3],
+            ..*self
+        })
     }
 
     /// Position of cell `k`, metres.

@@ -210,11 +210,10 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
         base: dot_plus(simd, x, opposite(facet.normal), zero).flip(sign),
         u: Lanes::splat(simd, seen.rise[0]).flip(sign),
         v: Lanes::splat(simd, seen.rise[1]).flip(sign),
-        w: zero,
     };
     let depth_band = (across + reach) * (THEIRS * facet.longest * facet.longest);
-    let depth = Affine { base: rise.base * plan.far - distance, u: rise.u * plan.far, v: rise.v * plan.far, w: zero };
-    let [bottom, top] = depth.plus(depth_band).bounds::<0>(simd, plan);
+    let depth = Affine { base: rise.base * plan.far - distance, u: rise.u * plan.far, v: rise.v * plan.far };
+    let [bottom, top] = depth.plus(depth_band).bounds(plan);
     let mut open = simd.and_m32s(alive, simd.or_m32s(unsure, top.not_negative()));
     if !any(simd, open) {
         return;
@@ -223,13 +222,11 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
         base: dot_plus(simd, x, opposite(seen.moments[0]), zero).flip(sign),
         u: dot_plus(simd, by_u, facet.e, Lanes::splat(simd, seen.slopes[0][0])).flip(sign),
         v: dot_plus(simd, by_v, facet.e, Lanes::splat(simd, seen.slopes[0][1])).flip(sign),
-        w: zero,
     };
     let second = Affine {
         base: dot_plus(simd, x, opposite(seen.moments[1]), zero).flip(sign),
         u: dot_plus(simd, by_u, opposite(facet.g), Lanes::splat(simd, seen.slopes[1][0])).flip(sign),
         v: dot_plus(simd, by_v, opposite(facet.g), Lanes::splat(simd, seen.slopes[1][1])).flip(sign),
-        w: zero,
     };
     let (third, fourth) =
         if QUAD { (rise.less(first), rise.less(second)) } else { (rise.less(first).less(second), rise) };
@@ -237,7 +234,7 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
     let mut possible = simd.and_m32s(open, top.not_negative());
     let count = if QUAD { 4 } else { 3 };
     for f in 0..count {
-        let [_, top] = functions[f].plus(band).bounds::<0>(simd, plan);
+        let [_, top] = functions[f].plus(band).bounds(plan);
         possible = simd.and_m32s(possible, top.not_negative());
     }
     open = simd.or_m32s(possible, unsure);
@@ -267,8 +264,8 @@ fn sift_chunk<S: Machine, const SIDE: usize, const QUAD: bool>(
         let grazing = simd.and_m32s(possible, distance.below(near * facet.grazing));
         if any(simd, grazing) {
             let apart = rise.less(first).less(second);
-            let one = words::<S, 0, SIDE, 1>(simd, plan, [apart.minus(band)]);
-            let both = words::<S, 0, SIDE, 1>(simd, plan, [apart.plus(band)]);
+            let one = words::<S, SIDE, 1>(simd, plan, [apart.minus(band)]);
+            let both = words::<S, SIDE, 1>(simd, plan, [apart.plus(band)]);
             for w in 0..words_of(SIDE) {
                 let clear = simd.or_u32s(one[w], simd.not_u32s(both[w]));
                 sure[w] = simd.select_u32s(grazing, simd.and_u32s(sure[w], clear), sure[w]);
@@ -316,7 +313,7 @@ fn cells<S: Machine, const SIDE: usize, const N: usize>(
     }
     let mut maybe = match &spans {
         Some(spans) => spans.words(simd, false),
-        None => words::<S, 0, SIDE, N>(simd, plan, shifted),
+        None => words::<S, SIDE, N>(simd, plan, shifted),
     };
     for w in 0..2 {
         maybe[w] = simd.or_u32s(simd.and_u32s(maybe[w], wanted.possible[w]), wanted.unsure[w]);
@@ -329,7 +326,7 @@ fn cells<S: Machine, const SIDE: usize, const N: usize>(
     }
     let sure = match &spans {
         Some(spans) => spans.words(simd, true),
-        None => words::<S, 0, SIDE, N>(simd, plan, shifted),
+        None => words::<S, SIDE, N>(simd, plan, shifted),
     };
     Some([maybe, sure])
 }

@@ -177,13 +177,14 @@ impl<'a> Between<'a> {
     }
 
     fn weight(&self, at: &Place, place: &Place) -> f64 {
-        let away = f64::from((place.point - at.point).length());
+        let squared = f64::from((place.point - at.point).length_squared());
         let alike = f64::from(place.normal.dot(at.normal));
-        if away >= self.reach || alike <= 0.0 || place.surface != at.surface {
+        if squared >= self.reach * self.reach || alike <= 0.0 || place.surface != at.surface {
             return 0.0;
         }
+        let away = squared.sqrt();
         let near = (self.reach - away) / away.max(1e-4 * self.reach);
-        near * near * alike.powi(4)
+        (near * alike * alike).powi(2)
     }
 }
 

@@ -30,10 +30,10 @@ use rows::{Around, Rows};
 use std::sync::Arc;
 
 /// How much looser than asked the rounds cut.
-const ROUNDS: [f32; 2] = [4.0, 1.0];
+const ROUNDS: [f32; 2] = [16.0, 1.0];
 
-/// Error that the light of one node may have, as a share of that which all together may have: many of them err both ways.
-const OF_ONE: f32 = 0.1;
+/// Error that the light of all that emits may have, as a share of that which all light may have.
+const OF_LAMPS: f32 = 1.0;
 
 /// Receivers whose own light is less than this share of the median are treated as if they had that.
 const FLOOR: f32 = 0.02;
@@ -137,7 +137,7 @@ impl Solving<'_, '_, '_> {
         let guess = if round == 0 { floor.guess } else { 0.0 };
         let emission = passes::radiosities(mesh, &vec![[0.0; 3]; received.len()]);
         let light = TreeLight::new(&tree, &emission);
-        let cut = Cut { mesh, tree: &tree, light: &light, elements: &emission, allowed: error * OF_ONE };
+        let cut = Cut { mesh, tree: &tree, light: &light, elements: &emission, allowed: error * OF_LAMPS };
         let known = if round == 0 { Vec::new() } else { passes::reflected(&passes::returned(mesh), received) };
         let around = Around { mesh, faces: &faces, reflected: &known, error };
         let least = |receivers: &Receivers, first: u32| {
