@@ -26,7 +26,7 @@ const USUAL_ERROR: f64 = 0.01;
 /// How fine elements become, and how the rough solves that tell are made.
 pub fn plan(arguments: &Bake, settings: SolveSettings) -> (Fineness, SolveSettings) {
     let error = match settings.solver {
-        Solver::Group(error) => error,
+        Solver::Group(error) | Solver::PlainTo(error) => error,
         Solver::Plain => USUAL_ERROR,
     };
     let fineness = Fineness { levels: arguments.method.adapt, tolerance: TOLERANCE * error };

@@ -285,7 +285,8 @@ pub struct MethodArguments {
     /// flag that is for it alone
     #[arg(long, value_enum)]
     pub solver: Option<SolverChoice>,
-    /// Group shooting: error that it may make, relative to each place's own light; 0.01 by default
+    /// Error relative to each place's own light, 0.01 by default. With --solver plain: each shadow takes as many cells as this asks
+    /// for, 1 to 64, by the light at stake
     #[arg(long, value_name = "SHARE", value_parser = values::tolerance)]
     pub error: Option<f64>,
     /// Plain refinement: cells of a shooter; 4 for draft, 16 for normal, 64 for high quality by default. Also those of each part

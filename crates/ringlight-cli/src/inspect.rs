@@ -254,14 +254,14 @@ fn forecast(
             let hierarchy = mesh::hierarchy(&mesh);
             mesh::find_valid_samples(&mut mesh, &hierarchy);
             match settings.solver {
-                Solver::Plain => trial(scene, &mesh, hierarchy, settings, rule)?,
+                Solver::Plain | Solver::PlainTo(_) => trial(scene, &mesh, hierarchy, settings, rule)?,
                 Solver::Group(_) => estimate::looks_per_second(&mesh, &hierarchy, TRIAL),
             }
         }
     };
     let found = |rays: f64| (rays, rays_per_second, given.is_none(), rays / rays_per_second.max(1.0));
     Ok(match settings.solver {
-        Solver::Plain => {
+        Solver::Plain | Solver::PlainTo(_) => {
             let work = estimate::work(&mesh, emitters, settings.cells, rule.until);
             let (rays, rays_per_second, measured, seconds) = found(work.rays);
             let (shots, until) = (work.shots, Some(rule.until));

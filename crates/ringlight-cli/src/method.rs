@@ -24,9 +24,12 @@ pub fn settings(
 ) -> Result<SolveSettings, Failure> {
     let given = of_plain(method, stop);
     let solver = match (method.solver, method.error) {
-        (Some(SolverChoice::Plain), Some(_)) => {
-            return Err(Failure::Usage("--error is for --solver group; the plain solver stops by --until".into()));
+        (Some(SolverChoice::Plain), Some(_)) if method.cells.is_some() => {
+            return Err(Failure::Usage(
+                "--cells says how many cells shooters have, --error asks for as many as it takes".into(),
+            ));
         }
+        (Some(SolverChoice::Plain), Some(error)) => Solver::PlainTo(error),
         (Some(SolverChoice::Plain), None) => Solver::Plain,
         (None, None) if given.is_some() => Solver::Plain,
         (_, error) => match given {
@@ -91,6 +94,7 @@ pub fn reported(settings: &SolveSettings, mesh: &Mesh, stop: &StopArguments) -> 
     };
     let (solver, error, until) = match settings.solver {
         Solver::Plain => ("plain", None, Some(stop_rule(stop).until)),
+        Solver::PlainTo(error) => ("plain", Some(error), Some(stop_rule(stop).until)),
         Solver::Group(error) => ("group", Some(error), None),
     };
     let value = serde_json::json!({

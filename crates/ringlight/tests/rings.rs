@@ -180,8 +180,9 @@ fn the_light_of_elements_of_all_sizes_is_the_same_over_any_rings() {
 
 #[test]
 fn several_shooters_in_flight_give_the_same_light_over_any_rings() {
-    for shooters_in_flight in [2, 5] {
-        let office = Task::office(shooters_in_flight, 23);
+    for (shooters_in_flight, solver) in [(2, Solver::Plain), (5, Solver::Plain), (2, Solver::PlainTo(0.02))] {
+        let mut office = Task::office(shooters_in_flight, 23);
+        office.settings.solver = solver;
         let expected = office.alone();
         for (ranks, rings) in [(2, 1), (3, 2), (5, 1), (6, 6)] {
             office.check(&expected, spread(ranks, rings));

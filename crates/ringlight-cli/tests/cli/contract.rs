@@ -38,7 +38,7 @@ fn values_that_make_no_sense_are_usage_errors_and_nothing_is_written() {
         "-o a.ringlight --camera 1,2,3;4",
         "-o a.ringlight --camera desk",
         "-o a.ringlight --solver best",
-        "-o a.ringlight --solver plain --error 0.01",
+        "-o a.ringlight --solver plain --error 0.01 --cells 16",
         "-o a.ringlight --error 0",
         "-o a.ringlight --quiet --verbose",
         "-o a.ringlight -o a.ringlight",
@@ -82,7 +82,7 @@ fn every_flag_of_bake_works_or_is_refused_by_its_name() {
     }
     for (flags, named) in [
         ("--solver best", "--solver"),
-        ("--solver plain --error 0.01", "--error"),
+        ("--solver plain --error 0.01 --cells 16", "--cells"),
         ("--solver group --until 0.1", "--until"),
         ("--solver group --max-shots 3", "--max-shots"),
         ("--solver group --cells 4", "--cells"),

@@ -20,6 +20,7 @@ fn it_is_the_default_and_what_is_for_plain_refinement_alone_chooses_that() {
         ("--error 0.1", "group", Some(0.1), None),
         ("--quality draft --sky 1", "group", Some(0.01), None),
         ("--solver plain", "plain", None, Some(0.01)),
+        ("--solver plain --error 0.05", "plain", Some(0.05), Some(0.01)),
         ("--until 0.5", "plain", None, Some(0.5)),
         ("--max-shots 3", "plain", None, Some(0.01)),
         ("--shooters-in-flight 2", "plain", None, Some(0.01)),

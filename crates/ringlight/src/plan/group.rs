@@ -78,7 +78,7 @@ pub fn demand(mesh: &Mesh, place: MeshPlace, settings: &SolveSettings) -> Demand
     let counts = Counts::of(mesh);
     let demand = counts.demand(place, settings.shooters_in_flight);
     match settings.solver {
-        Solver::Plain => demand,
+        Solver::Plain | Solver::PlainTo(_) => demand,
         Solver::Group(error) => GroupCounts::of(mesh).add_to(demand, error, counts.light_bytes()),
     }
 }

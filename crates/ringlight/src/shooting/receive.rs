@@ -233,7 +233,8 @@ impl Work {
         &mut self.packet
     }
 
-    pub(super) fn clear(&mut self) {
+    /// Removes all points.
+    pub fn clear(&mut self) {
         self.packet.clear();
         self.samples.clear();
     }

@@ -109,6 +109,11 @@ impl Shot {
         bytes
     }
 
+    /// Length of [`Shot::to_bytes`] of so many cells.
+    pub fn bytes_from(cells: u32) -> usize {
+        size_of::<u32>() + size_of::<f64>() + cells as usize * size_of::<CellLight>()
+    }
+
     /// The shot of a patch of `mesh` that another rank tells of; none if the bytes are no such thing.
     pub fn from_bytes(mesh: &Mesh, bytes: &[u8]) -> Option<Shot> {
         let (patch, rest) = bytes.split_first_chunk()?;

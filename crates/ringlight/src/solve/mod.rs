@@ -8,6 +8,7 @@ mod group;
 mod holding;
 mod ledger;
 mod plain;
+mod precision;
 mod receiving;
 mod ring;
 mod share;
@@ -19,7 +20,7 @@ pub use group::usual_rays;
 pub use holding::OUTLINE;
 pub use ledger::Ledger;
 pub use plain::plain;
-pub use ring::{Clock, Job, Ring};
+pub use ring::{Among, Clock, Job, Ring};
 pub use share::{Share, Spread};
 pub use state::{State, World};
 
@@ -54,6 +55,8 @@ pub enum Solver {
     Plain,
     /// Group shooting, to about this relative error.
     Group(f64),
+    /// Plain progressive refinement with as many cells for each receiver as this relative error asks for.
+    PlainTo(f64),
 }
 
 fn one() -> u32 {
@@ -124,7 +127,7 @@ pub fn solve(
     observer: &mut dyn Observer,
 ) -> Result<(StopReason, Progress), Failure> {
     match world.settings.solver {
-        Solver::Plain => plain::plain(world, ring, state, stop, ranks, observer),
+        Solver::Plain | Solver::PlainTo(_) => plain::plain(world, ring, state, stop, ranks, observer),
         Solver::Group(error) => group::group(world, ring, state, error, ranks, observer),
     }
 }

@@ -1,6 +1,8 @@
 //! Plain progressive refinement (paper, sections 1.1 and 2.2; Cohen et al. 1988).
 
 use super::choice::{Offer, Summary};
+use super::precision;
+use super::ring::Among;
 use super::ring::Job;
 use super::{Control, Observer, Progress, Ring, State, StopReason, StopRule, World};
 use crate::shooting::{self, Audit, ClusterLight, PatchLight, Shot};
@@ -18,7 +20,8 @@ const SHOT: u32 = 5;
 
 /// A shot under way: it has been chosen, and has not yet been committed.
 struct Chosen {
-    shot: Arc<Shot>,
+    /// The same light from more and more cells, and who receives each.
+    shots: Vec<(Arc<Shot>, Among)>,
     /// The patch, if it is one.
     patch: Option<u32>,
     /// What its elements had unshot when it was chosen; empty but at its owner.
@@ -26,7 +29,7 @@ struct Chosen {
 }
 
 /// Shots that have been chosen and not committed, in order.
-type UnderWay = VecDeque<(Job, Chosen)>;
+type UnderWay = VecDeque<(Vec<Job>, Chosen)>;
 
 /// Shoots until `stop` or the observer ends it; every rank of the world calls it with the same settings. An error says
 /// which rank failed.
@@ -82,20 +85,24 @@ pub fn plain(
             None
         };
         if let Some(next) = next {
-            let job = ring.begin(&next.shot);
-            under_way.push_back((job, next));
+            let jobs = next.shots.iter().map(|(shot, among)| ring.begin(shot, among)).collect();
+            under_way.push_back((jobs, next));
             if (under_way.len() as u64) < u64::from(world.settings.shooters_in_flight) {
                 continue;
             }
         }
-        let Some((job, first)) = under_way.pop_front() else {
+        let Some((jobs, first)) = under_way.pop_front() else {
             audits.settle(world, ring, state, ranks)?;
             return Ok((StopReason::NothingLeft, progress));
         };
-        ring.commit(ranks, job, &first.shot, &mut state.clusters)?;
+        for (job, (shot, among)) in jobs.into_iter().zip(&first.shots) {
+            ring.commit(ranks, job, (shot, among), &mut state.clusters)?;
+        }
         commit(world, state, &first);
         state.shots += 1;
-        audits.add(world, ring, state, ranks, first.shot)?;
+        if let Some((finest, _)) = first.shots.last() {
+            audits.add(world, ring, state, ranks, finest.clone())?;
+        }
         news = true;
     }
 }
@@ -161,31 +168,40 @@ fn choose(
 ) -> Result<Option<Chosen>, Failure> {
     let emitters = under_way.iter().filter(|(_, chosen)| chosen.patch.is_none()).count();
     if let Some(emitter) = world.emitters.get(state.emitters_shot as usize + emitters) {
-        return Ok(Some(Chosen { shot: emitter.clone(), patch: None, unshot: Vec::new() }));
+        return Ok(Some(Chosen { shots: vec![(emitter.clone(), None)], patch: None, unshot: Vec::new() }));
     }
     let Some(id) = best.patch() else { return Ok(None) };
     let (mesh, share) = (world.mesh, ring.share().clone());
     let cluster = mesh.cluster_of(id);
     let owner = share.owners[cluster] as usize;
+    let sides = precision::sides(&world.settings);
     let own = share.place(cluster).map(|place| {
         let light = &state.clusters[place];
         let patch = mesh.patch(id);
         let index = (id - mesh.clusters[cluster].patches.start) as usize;
-        let side = world.settings.cells.isqrt();
-        let shot = shooting::patch_shot(mesh, &patch, light, index, side, world.settings.shoot);
-        (shot, light.patch(mesh, &patch).iter().map(|e| e.unshot).collect())
+        let shot = |&side: &u32| shooting::patch_shot(mesh, &patch, light, index, side, world.settings.shoot);
+        let unshot = light.patch(mesh, &patch).iter().map(|e| e.unshot).collect();
+        (sides.iter().map(shot).collect::<Vec<Shot>>(), unshot)
     });
-    let bytes = own.as_ref().map_or(Vec::new(), |(shot, _)| shot.to_bytes());
+    let bytes = own.as_ref().map_or(Vec::new(), |(shots, _)| shots.iter().flat_map(Shot::to_bytes).collect());
     let bytes = ranks.broadcast_meanwhile(owner, SHOT, bytes, &mut |ranks| ring.serve(ranks))?;
-    let (shot, unshot) = match own {
+    let (shots, unshot) = match own {
         Some(own) => own,
         None => {
             let message = format!("from rank {owner}: {} bytes are no shot", bytes.len());
-            let shot = Shot::from_bytes(mesh, &bytes).ok_or(Failure { rank: share.rank, message })?;
-            (shot, Vec::new())
+            let mut rest = bytes.as_slice();
+            let told = |side: &u32| {
+                let (bytes, others) = rest.split_at_checked(Shot::bytes_from(side * side))?;
+                rest = others;
+                Shot::from_bytes(mesh, bytes)
+            };
+            let shots: Option<Vec<Shot>> = sides.iter().map(told).collect();
+            (shots.ok_or(Failure { rank: share.rank, message })?, Vec::new())
         }
     };
-    Ok(Some(Chosen { shot: Arc::new(shot), patch: Some(id), unshot }))
+    let among = precision::among(world, state, &shots);
+    let shots = shots.into_iter().map(Arc::new).zip(among).collect();
+    Ok(Some(Chosen { shots, patch: Some(id), unshot }))
 }
 
 /// What has been shot is unshot no longer; what came since it was chosen is.

@@ -1,6 +1,7 @@
 //! The points of a rank's own clusters that receive a shot: out in packets, home with final masks.
 
 use super::exchange::Part;
+use super::ring::Among;
 use super::share::Share;
 use crate::mesh::Mesh;
 use crate::ring::{Answers, Content, Packet, Samples};
@@ -33,6 +34,7 @@ struct Segment {
 pub struct Receiving<'a> {
     mesh: &'a Mesh,
     shot: Arc<Shot>,
+    among: Among,
     share: Arc<Share>,
     packet_size: usize,
     /// Whether packets hold points of one cluster only.
@@ -56,7 +58,7 @@ impl<'a> Receiving<'a> {
     pub fn new(
         mesh: &'a Mesh,
         share: Arc<Share>,
-        shot: Arc<Shot>,
+        (shot, among): (Arc<Shot>, Among),
         packet_size: usize,
         compact: bool,
         spare: Vec<Work>,
@@ -65,6 +67,7 @@ impl<'a> Receiving<'a> {
         Receiving {
             mesh,
             shot,
+            among,
             share,
             packet_size,
             compact,
@@ -127,9 +130,13 @@ impl<'a> Receiving<'a> {
             }
             let range = self.next..self.next + count;
             self.next = range.end;
-            let (mesh, own, shot) = (self.mesh, &self.share.own, &self.shot);
+            let (mesh, own, shot, among) = (self.mesh, &self.share.own, &self.shot, &self.among);
             let collect = |slot: &mut Slot| {
-                shooting::collect(mesh, own[slot.cluster] as usize, shot, &mut slot.work);
+                if among.as_ref().is_none_or(|among| among[slot.cluster]) {
+                    shooting::collect(mesh, own[slot.cluster] as usize, shot, &mut slot.work);
+                } else {
+                    slot.work.clear();
+                }
             };
             if let [slot] = chosen[..] {
                 collect(&mut self.slots[slot]);

@@ -59,6 +59,9 @@ struct Wider<'a> {
 /// Tells CPU time of this rank so far, seconds.
 pub type Clock = Box<dyn Fn() -> f64 + Send>;
 
+/// Own clusters that receive a shot, by their places in the share; all if none are named.
+pub type Among = Option<Arc<[bool]>>;
+
 /// A job under way: what the ring is asked for one shooter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Job(u64);
@@ -161,15 +164,15 @@ impl<'a> Ring<'a> {
         self.wider().map_or(Visits::default(), |wider| wider.exchange.visits())
     }
 
-    /// Begins to find what own clusters see of a shot. Every rank calls it.
-    pub fn begin(&mut self, shot: &Arc<Shot>) -> Job {
+    /// Begins to find what own clusters, those among all that are to receive it, see of a shot. Every rank calls it.
+    pub fn begin(&mut self, shot: &Arc<Shot>, among: &Among) -> Job {
         let Geometry::Spread(wider) = &mut self.geometry else { return Job(0) };
         let job = wider.begin(&shot.shooter);
         let compact = wider.exchange.wants_compact_packets();
         let part = Receiving::new(
             self.mesh,
             self.share.clone(),
-            shot.clone(),
+            (shot.clone(), among.clone()),
             wider.packet_size,
             compact,
             std::mem::take(&mut wider.spare),
@@ -186,18 +189,18 @@ impl<'a> Ring<'a> {
         }
     }
 
-    /// Adds to `light`, the light of own clusters, what they receive from a shot. Every rank calls it, in the order in which
-    /// the shots began.
+    /// Adds to `light`, the light of own clusters, what those receive from a shot with whom it began. Every rank calls it, in the order
+    /// in which the shots began.
     pub fn commit(
         &mut self,
         ranks: &mut Communicator<'_>,
         Job(job): Job,
-        shot: &Shot,
+        (shot, among): (&Shot, &Among),
         light: &mut [ClusterLight],
     ) -> Result<(), Failure> {
         let wider = match &mut self.geometry {
             Geometry::Here(hierarchy) => {
-                self.tally = self.tally.join(receive(self.mesh, &self.share, hierarchy, shot, light));
+                self.tally = self.tally.join(receive(self.mesh, &self.share, hierarchy, (shot, among), light));
                 return Ok(());
             }
             Geometry::Spread(wider) => wider,
@@ -297,10 +300,20 @@ impl Wider<'_> {
 }
 
 /// What a ring of one does: every own cluster receives the shot, in parallel; each computes its light alone.
-fn receive(mesh: &Mesh, share: &Share, hierarchy: &Hierarchy, shot: &Shot, light: &mut [ClusterLight]) -> Tally {
+fn receive(
+    mesh: &Mesh,
+    share: &Share,
+    hierarchy: &Hierarchy,
+    (shot, among): (&Shot, &Among),
+    light: &mut [ClusterLight],
+) -> Tally {
     let shooter = PreparedShooter::new(&shot.shooter);
-    let one = |work: &mut Work, (&cluster, light): (&u32, &mut ClusterLight)| {
+    let one = |work: &mut Work, (place, (&cluster, light)): (usize, (&u32, &mut ClusterLight))| {
+        if among.as_ref().is_some_and(|among| !among[place]) {
+            return Tally::default();
+        }
         shooting::receive(mesh, cluster as usize, light, shot, &shooter, hierarchy, work)
     };
-    share.own.par_iter().zip(light).with_min_len(4).map_init(Work::default, one).reduce(Tally::default, Tally::join)
+    let own = share.own.par_iter().zip(light).enumerate();
+    own.with_min_len(4).map_init(Work::default, one).reduce(Tally::default, Tally::join)
 }

@@ -104,8 +104,8 @@ fn shoot_emitters(
     let mut direct: Vec<ClusterLight> = own.map(|&c| ClusterLight::new(world.mesh, c as usize)).collect();
     let mut audits = Audits::default();
     for (number, emitter) in world.emitters.iter().enumerate() {
-        let job = ring.begin(emitter);
-        ring.commit(ranks, job, emitter, &mut direct)?;
+        let job = ring.begin(emitter, &None);
+        ring.commit(ranks, job, (emitter, &None), &mut direct)?;
         if number as u64 == state.emitters_shot {
             state.emitters_shot += 1;
             state.shots += 1;
