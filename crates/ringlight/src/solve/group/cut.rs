@@ -2,8 +2,9 @@
 //! given more cells, until all together may be wrong by no more than the receivers' share of the error.
 //!
 //! Nodes err both ways, as their shadows fall, so that their errors add by their squares; those of their shapes add as they are. So few
-//! lamps may err by much each, and thousands of glowing surfaces by next to nothing each. What decides about a node are rays
-//! of its own: what decides cannot also shine without bias.
+//! lamps may err by much each, and thousands of glowing surfaces by next to nothing each. What is in full view, or wholly hidden,
+//! needs nothing more; opened is what shadows cross, and the node's own cells are not used then: if what decides also shone, as far as
+//! it is few rays, light would be biased.
 
 use super::passes::Arrived;
 use crate::mesh::{Inquiry, Mesh};
@@ -19,8 +20,10 @@ use std::f32::consts::PI;
 /// Error of the light of M cells, as a share of all that a node seen in part could give, times M^(3/4) (root of the mean square).
 const PARTLY: f32 = 0.27;
 
-/// The light of a node that was seen wholly, or not at all, by a few dozen rays may be wrong by this share of all it could give.
-const CERTAIN: f32 = 1.0 / 256.0;
+/// The light of a node of which all M cells were seen, or none, may be wrong by this share of all it could give, times M; however
+/// many receivers saw it, as slats near a lamp hide the same of it from all. What many such nodes may be wrong by together is
+/// what the worst of them may be: after n rays of which none was blocked, the next one is with a chance of 1/n.
+const CERTAIN: f32 = 0.5;
 
 /// Of a node in full view, a bound of the error by its shape: this times (radius/distance)².
 const SHAPE: f32 = 1.0 / 32.0;
@@ -29,8 +32,9 @@ const SHAPE: f32 = 1.0 / 32.0;
 /// second-order error is below 1 %.
 const FAR: f32 = 4.0;
 
-/// Cells along a side: of what only tells whether something is seen, and most of what shines.
-const PROBE: u32 = 2;
+/// Cells along a side: at least, of groups at most, and of planar pieces at most.
+const LEAST: u32 = 2;
+const MOST_OF_GROUP: u32 = 4;
 const MOST: u32 = 8;
 
 /// What cuts are taken through.
@@ -54,18 +58,28 @@ struct Part {
     number: u32,
     /// What it could give at most, W/m² or lux.
     estimate: f32,
-    seen: Seen,
-    /// Cells along a side that it is to shine from.
+    /// Cells along a side that it shines from.
     side: u32,
+    /// What the receivers get of it by those, if they have been asked.
+    glimpse: Option<Glimpse>,
     /// What its light may be wrong by as its shadows fall, and by its shape, W/m² or lux.
     error: f32,
     shape: f32,
 }
 
+/// What receivers get of a node.
+#[derive(Debug)]
+struct Glimpse {
+    seen: Seen,
+    /// Cells that may light a receiver, on average.
+    cells: f32,
+    /// Of a radiosity of 1, by name: the mean over the element, and what its sample point gets more than that.
+    received: Vec<(u32, f32, f32)>,
+}
+
 /// How much of a node was seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Seen {
-    NotLooked,
     Partly,
     Wholly,
     NotAtAll,
@@ -78,9 +92,10 @@ struct Cutting<'a> {
     inquiry: &'a Inquiry<'a>,
     /// Error that all together may make, W/m² or lux.
     allowed: f32,
-    /// Nodes that may be wrong by less, the one that may be wrong by most first.
-    parts: BinaryHeap<Part>,
-    /// The squares of their errors, and their errors by shape, together.
+    /// Nodes that may be wrong by less, the one that may be wrong by most first: those which shadows may cross, and others.
+    partly: BinaryHeap<Part>,
+    certain: BinaryHeap<Part>,
+    /// Errors of the former, squared, and errors by shape of all, together.
     errors: [f64; 2],
     /// Nodes that are as good as they can be.
     settled: Vec<Part>,
@@ -105,7 +120,8 @@ impl Cut<'_> {
             receivers,
             inquiry,
             allowed: self.allowed * own,
-            parts: BinaryHeap::new(),
+            partly: BinaryHeap::new(),
+            certain: BinaryHeap::new(),
             errors: [0.0; 2],
             settled: Vec::new(),
             arrived: receivers.elements.iter().map(|e| Arrived::none(first + e)).collect(),
@@ -119,11 +135,17 @@ impl Cut<'_> {
             cutting.refine(part).await;
         }
         let mut parts = std::mem::take(&mut cutting.settled);
-        parts.extend(std::mem::take(&mut cutting.parts));
+        parts.extend(std::mem::take(&mut cutting.partly));
+        parts.extend(std::mem::take(&mut cutting.certain));
         parts.sort_unstable_by_key(|part| part.number);
-        let of_one = cutting.allowed / (parts.len() as f32).sqrt();
         for part in parts {
-            cutting.shine(&part, of_one).await;
+            let glimpse = match part.glimpse {
+                None => cutting.look(part.number, part.side).await,
+                glimpse => glimpse,
+            };
+            for (name, mean, more) in glimpse.into_iter().flat_map(|glimpse| glimpse.received) {
+                cutting.arrived[name as usize].add(self.light.radiosity[part.number as usize], mean, more);
+            }
         }
         (cutting.arrived, cutting.tally)
     }
@@ -155,7 +177,8 @@ impl Cut<'_> {
 impl Cutting<'_> {
     /// Whether all together may be wrong by no more than is allowed.
     fn is_good(&self) -> bool {
-        self.errors[1] + self.errors[0].max(0.0).sqrt() <= f64::from(self.allowed)
+        let certain = self.certain.peek().map_or(0.0, |part| f64::from(part.error));
+        self.errors[1] + (self.errors[0].max(0.0) + certain * certain).sqrt() <= f64::from(self.allowed)
     }
 
     /// Adds a node, or those of its parts that give light.
@@ -165,32 +188,41 @@ impl Cutting<'_> {
         if is_near(self.receivers, node) {
             return node.children.clone().for_each(|child| self.add(child));
         }
-        let side = if is_opened(node) { 2 * PROBE } else { PROBE };
-        self.put(Part { number, estimate, seen: Seen::NotLooked, side, error: 0.0, shape: 0.0 });
+        self.put(Part { number, estimate, side: LEAST, glimpse: None, error: 0.0, shape: 0.0 });
     }
 
     /// Puts a node back with what is known of it now.
     fn put(&mut self, mut part: Part) {
         let node = &self.cut.tree.nodes[part.number as usize];
-        part.error = match part.seen {
-            Seen::Wholly | Seen::NotAtAll => part.estimate * CERTAIN,
-            Seen::Partly | Seen::NotLooked => part.partly(part.side),
-        };
+        let seen = part.glimpse.as_ref().map_or(Seen::Partly, |glimpse| glimpse.seen);
+        let cells = part.glimpse.as_ref().map_or((part.side * part.side) as f32, |glimpse| glimpse.cells);
         let size = node.radius() / between(self.receivers, node);
-        part.shape = match part.seen {
+        part.shape = match seen {
             Seen::NotAtAll => 0.0,
             Seen::Wholly if self.is_exact(part.number, node) => 0.0,
             _ => (part.estimate * SHAPE * size * size).min(part.estimate),
         };
-        self.errors[0] += f64::from(part.error) * f64::from(part.error);
         self.errors[1] += f64::from(part.shape);
-        self.parts.push(part);
+        if seen == Seen::Partly {
+            part.error = part.estimate * PARTLY / (cells.sqrt() * cells.sqrt().sqrt());
+            self.errors[0] += f64::from(part.error) * f64::from(part.error);
+            self.partly.push(part);
+        } else {
+            part.error = part.estimate * CERTAIN / cells;
+            self.certain.push(part);
+        }
     }
 
     /// Takes the node that may be wrong by most.
     fn take(&mut self) -> Option<Part> {
-        let part = self.parts.pop()?;
-        self.errors[0] -= f64::from(part.error) * f64::from(part.error);
+        let of_certain = self.certain.peek().map_or(-1.0, |part| part.error + part.shape);
+        if self.partly.peek().is_some_and(|part| part.error + part.shape >= of_certain) {
+            let part = self.partly.pop()?;
+            self.errors[0] -= f64::from(part.error) * f64::from(part.error);
+            self.errors[1] -= f64::from(part.shape);
+            return Some(part);
+        }
+        let part = self.certain.pop()?;
         self.errors[1] -= f64::from(part.shape);
         Some(part)
     }
@@ -204,102 +236,81 @@ impl Cutting<'_> {
         piece.element.is_some() || whole && light.peak[number as usize] <= 1.001 * mean
     }
 
-    /// Makes a node's light better: looks at it, opens it, or gives it more cells.
+    /// Makes a node's light better: takes more cells, looks whether shadows cross it, and opens it if they do.
     async fn refine(&mut self, mut part: Part) {
         let node = &self.cut.tree.nodes[part.number as usize];
-        let opened = is_opened(node);
-        if part.seen == Seen::NotLooked {
-            // Who would be opened whatever is seen is not looked at.
-            if !opened || part.estimate * CERTAIN + part.shape <= self.allowed {
-                let Some(share) = self.look(part.number, PROBE).await else { return };
-                part.seen = match share {
-                    Share { seen: 0.0, .. } => Seen::NotAtAll,
-                    share if share.is_certain() => Seen::Wholly,
-                    _ => Seen::Partly,
-                };
-                if !opened && part.seen == Seen::Partly {
-                    part.side *= 2;
-                }
-                return self.put(part);
-            }
-        }
-        if opened {
-            node.children.clone().for_each(|child| self.add(child));
-        } else if part.seen == Seen::Partly && part.side < MOST {
+        let (opened, most) = (is_opened(node), if matches!(node.kind, Kind::Piece(_)) { MOST } else { MOST_OF_GROUP });
+        let hopeless = opened && part.shape + part.estimate * CERTAIN / ((most * most) as f32) > self.allowed;
+        if part.glimpse.is_none() && part.side < most {
             part.side *= 2;
             self.put(part);
+        } else if part.glimpse.is_none() && !hopeless {
+            part.glimpse = self.look(part.number, part.side).await;
+            if part.glimpse.is_some() {
+                self.put(part);
+            }
+        } else if opened {
+            node.children.clone().for_each(|child| self.add(child));
         } else {
             self.settled.push(part);
         }
     }
 
-    /// What the receivers get of a far node by `side`² cells; none if it cannot light them.
-    async fn look(&mut self, number: u32, side: u32) -> Option<Share> {
+    /// What the receivers get of a node by `side`² cells; none if it cannot light them.
+    async fn look(&mut self, number: u32, side: u32) -> Option<Glimpse> {
+        let node = &self.cut.tree.nodes[number as usize];
+        if node.kind == Kind::Faces || self.is_far(node, side) {
+            return self.look_far(number, side).await;
+        }
+        let Cut { mesh, tree, light, elements, .. } = self.cut;
+        let shot = light.shot(mesh, tree, elements, number, side);
+        self.receivers.collect(mesh, &shot, &mut self.work);
+        let packet = self.work.packet_mut();
+        let (points, masks) = packet.split_mut();
+        let open = asked(masks);
+        if open.rays == 0 {
+            return None;
+        }
+        self.tally = self.tally.join(open);
+        self.inquiry.clear_blocked(&shot.shooter, points, masks).await;
+        let seen = match asked(masks).rays {
+            0 => Seen::NotAtAll,
+            rays if rays == open.rays => Seen::Wholly,
+            _ => Seen::Partly,
+        };
+        let cells = open.rays as f32 / masks.len() as f32;
+        packet.gather(&shot);
+        let received = self.work.received();
+        let received =
+            received.map(|(name, mean, point)| (name, mean[0] as f32, (point[0] - mean[0]) as f32)).collect();
+        Some(Glimpse { seen, cells, received })
+    }
+
+    /// The same of a node that is far.
+    async fn look_far(&mut self, number: u32, side: u32) -> Option<Glimpse> {
         let Cut { mesh, tree, light, elements, .. } = self.cut;
         let cells: FarCells = light.far_cells(mesh, tree, elements, number, side);
         let points = &self.receivers.points;
         if !self.far.face(points, &cells) {
             return None;
         }
-        self.tally = self.tally.join(asked(&self.far.masks));
-        self.inquiry.clear_blocked(&cells.shooter, points.points(), &mut self.far.masks).await;
-        Some(self.far.gather(&cells))
-    }
-
-    /// Adds the light of a node: from more cells than planned where a shadow falls that may make more than the error of one.
-    async fn shine(&mut self, part: &Part, of_one: f32) {
-        let mut side = part.side;
-        while !self.shine_from(part.number, side, side == MOST || part.partly(side) <= of_one).await {
-            side *= 2;
-        }
-    }
-
-    /// Adds the light of a node from so many cells; false if only a part is seen and that is not the last try.
-    async fn shine_from(&mut self, number: u32, side: u32, is_last: bool) -> bool {
-        let Cut { mesh, tree, light, elements, .. } = self.cut;
-        let node = &tree.nodes[number as usize];
-        let radiosity = light.radiosity[number as usize];
-        if node.kind == Kind::Faces || self.is_far(node, side) {
-            let Some(share) = self.look(number, side).await else { return true };
-            let is_good = is_last || share.is_certain();
-            if is_good && share.seen > 0.0 {
-                for (&name, &received) in self.receivers.points.names.iter().zip(&self.far.received) {
-                    self.arrived[name as usize].add(radiosity, received, 0.0);
-                }
-            }
-            return is_good;
-        }
-        let shot = light.shot(mesh, tree, elements, number, side);
-        self.receivers.collect(mesh, &shot, &mut self.work);
-        let packet = self.work.packet_mut();
-        let (points, masks) = packet.split_mut();
-        let open = asked(masks);
+        let open = asked(&self.far.masks);
         self.tally = self.tally.join(open);
-        if open.rays > 0 {
-            self.inquiry.clear_blocked(&shot.shooter, points, masks).await;
-        }
-        let seen = asked(masks).rays;
-        let is_good = is_last || seen == 0 || seen == open.rays;
-        if is_good {
-            packet.gather(&shot);
-            for (name, mean, point) in self.work.received() {
-                self.arrived[name as usize].add(radiosity, mean[0] as f32, (point[0] - mean[0]) as f32);
-            }
-        }
-        is_good
+        self.inquiry.clear_blocked(&cells.shooter, points.points(), &mut self.far.masks).await;
+        let seen = match self.far.gather(&cells) {
+            Share { seen: 0.0, .. } => Seen::NotAtAll,
+            share if share.is_full() => Seen::Wholly,
+            _ => Seen::Partly,
+        };
+        let cells = open.rays as f32 / self.far.masks.len() as f32;
+        let received = points.names.iter().zip(&self.far.received).filter(|(_, received)| **received > 0.0);
+        Some(Glimpse { seen, cells, received: received.map(|(&name, &mean)| (name, mean, 0.0)).collect() })
     }
 
     /// Whether the node's cells and the receivers' elements are small at their distance.
     fn is_far(&self, node: &Node, side: u32) -> bool {
         let cell = if node.kind == Kind::Group { 0.0 } else { 2.0 * node.radius() / side as f32 };
         between(self.receivers, node) > FAR * cell.max(self.receivers.width)
-    }
-}
-
-impl Part {
-    /// What its light may be wrong by if it is seen in part, from so many cells.
-    fn partly(&self, side: u32) -> f32 {
-        self.estimate * PARTLY / (side as f32 * (side as f32).sqrt())
     }
 }
 

@@ -32,11 +32,12 @@ use std::sync::Arc;
 /// How much looser than asked the rounds cut.
 const ROUNDS: [f32; 2] = [16.0, 1.0];
 
-/// Error that the light of all that emits may have, as a share of that which all light may have.
-const OF_LAMPS: f32 = 1.0;
+/// Error that the light of all that emits may have in each round, as a share of that which all light may have.
+const OF_LAMPS: [f32; ROUNDS.len()] = [4.0, 1.0];
 
-/// Receivers whose own light is less than this share of the median are treated as if they had that.
-const FLOOR: f32 = 0.02;
+/// Receivers whose own light is less than this share of the median by area are treated as if they had that: to prove that next to
+/// nothing comes to what is dark costs most.
+const FLOOR: f32 = 0.1;
 
 /// Parts of a round, between which the observer is asked.
 const PARTS: usize = 64;
@@ -137,12 +138,12 @@ impl Solving<'_, '_, '_> {
         let guess = if round == 0 { floor.guess } else { 0.0 };
         let emission = passes::radiosities(mesh, &vec![[0.0; 3]; received.len()]);
         let light = TreeLight::new(&tree, &emission);
-        let cut = Cut { mesh, tree: &tree, light: &light, elements: &emission, allowed: error * OF_LAMPS };
+        let cut = Cut { mesh, tree: &tree, light: &light, elements: &emission, allowed: error * OF_LAMPS[round] };
         let known = if round == 0 { Vec::new() } else { passes::reflected(&passes::returned(mesh), received) };
         let around = Around { mesh, faces: &faces, reflected: &known, error };
-        let least = |receivers: &Receivers, first: u32| {
+        let own_light = |receivers: &Receivers, first: u32| {
             let own = receivers.elements.iter().map(|e| shooting::strength(received[(first + e) as usize]) + guess);
-            own.fold(f32::INFINITY, f32::min).max(floor.least)
+            (own.sum::<f32>() / receivers.elements.len() as f32).max(floor.least)
         };
         // Who saw nothing of anything in the first round is inside of something.
         let sees = |receivers: &Receivers, first: u32| {
@@ -166,9 +167,9 @@ impl Solving<'_, '_, '_> {
             });
             let wanted = all.filter(|(first, receivers)| sees(receivers, *first)).enumerate();
             let task = |(number, (first, receivers)): (usize, (u32, Receivers)), inquiry: Inquiry<'r>| {
-                let (cut, around, least) = (&cut, &around, &least);
+                let (cut, around, own_light) = (&cut, &around, &own_light);
                 async move {
-                    let own = least(&receivers, first);
+                    let own = own_light(&receivers, first);
                     let (lamps, rays) = cut.light(&receivers, first, own, &inquiry).await;
                     let (rows, more) = around.rows(&receivers, first, own, &inquiry).await;
                     (number, lamps, rows, rays.join(more))

@@ -91,25 +91,34 @@ pub fn radiosities(mesh: &Mesh, received: &[Rgb]) -> Vec<Radiosity> {
     mesh.clusters.par_iter().flat_map_iter(of_cluster).collect()
 }
 
-/// What is usual: a share of the median, or, while most is dark, what all exitance would give if it were spread over all surfaces.
+/// What is usual: a share of the median by area, or, while most is dark, what all exitance would give if it were spread over all
+/// surfaces.
 pub fn floor(mesh: &Mesh, received: &[Rgb]) -> Floor {
-    let mut lit: Vec<f32> = received.iter().map(|&e| shooting::strength(e)).filter(|&e| e > 0.0).collect();
     let elements = radiosities(mesh, received);
     let (mut power, mut area) = (0.0, 0.0);
+    let mut lit: Vec<(f32, f64)> = Vec::new();
     for id in 0..mesh.patch_count() as u32 {
         let patch = mesh.patch(id);
         for (k, e) in patch.elements().enumerate() {
             let free = patch.element_area(k as u32) * mesh.valid_share(e);
             power += free * f64::from(shooting::strength(elements[e as usize]));
             area += free;
+            lit.push((shooting::strength(received[e as usize]), free));
         }
     }
     let guess = if area > 0.0 { (power / area) as f32 } else { 0.0 };
-    if lit.len() * 2 <= received.len() {
+    lit.retain(|(light, _)| *light > 0.0);
+    lit.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let half = lit.iter().map(|(_, area)| area).sum::<f64>() / 2.0;
+    if half * 4.0 <= area {
         return Floor { guess, least: guess };
     }
-    let middle = lit.len() / 2;
-    Floor { guess, least: FLOOR * *lit.select_nth_unstable_by(middle, f32::total_cmp).1 }
+    let mut passed = 0.0;
+    let middle = lit.iter().find(|(_, area)| {
+        passed += area;
+        passed >= half
+    });
+    Floor { guess, least: FLOOR * middle.map_or(guess, |(light, _)| *light) }
 }
 
 /// What each element returns of the light that it receives: reflectance × coverage.
