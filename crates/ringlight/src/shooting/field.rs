@@ -135,6 +135,14 @@ impl<'a> Field<'a> {
     }
 }
 
+/// Whether any of a patch's `side`² cells is free of other geometry: what shoots from none is seen by nobody.
+pub fn has_free_cell(mesh: &Mesh, patch: &Patch, side: u32) -> bool {
+    let valid = &mesh.valid[patch.first_element as usize..][..patch.element_count() as usize];
+    let (interpolation, layout) = (Interpolation { patch, valid }, patch.frame.layout);
+    let centre = |k| DVec2::from(layout.centre(side, k).map(f64::from));
+    (0..(side * side) as usize).any(|k| !interpolation.is_covered(centre(k)))
+}
+
 /// The shot of a whole patch from the light of its cells, as its owner has made it with [`Field::shot`].
 pub(super) fn announced(patch: &Patch, light: &[CellLight], power: f64) -> Shot {
     let weights: Vec<[f64; 3]> = light.iter().map(|w| w.map(f64::from)).collect();

@@ -21,7 +21,7 @@ pub(crate) use emitter::sine_cosine;
 pub use emitter::{Emitter, emitters, skies};
 pub use faces::{Between, Faces};
 pub use far::{FarCells, FarReceivers, FarWork, Share};
-pub use field::{Field, WHOLE};
+pub use field::{Field, WHOLE, has_free_cell};
 pub use hemisphere::Glance;
 pub use light::{ClusterLight, ElementLight, PatchLight, radiosity, unshot_power, unshot_radiosity};
 pub use packet::Packet;

@@ -6,7 +6,7 @@
 
 use super::ring::Among;
 use super::{SolveSettings, Solver, State, World};
-use crate::shooting::{ClusterLight, Shot, Source, direction, distance, most_facing, strength};
+use crate::shooting::{self, ClusterLight, Shot, Source, direction, distance, most_facing, strength};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::f32::consts::PI;
@@ -38,12 +38,17 @@ pub fn among(world: &World<'_>, state: &State, shots: &[Shot]) -> Vec<Among> {
     let floor = FLOOR * (state.emitted / 3.0 / sphere) as f32;
     let bounds = [2.0, 8.0, 32.0].map(|cells| least_share(cells, error as f32));
     let own = world.share.own.par_iter().zip(&state.clusters);
+    // What shoots from covered cells alone is lost.
+    let Source::Patch(source) = &finest.source else { return vec![None; shots.len()] };
+    let shooter = mesh.patch(source.patch);
+    let sides = sides(&world.settings);
+    let least = sides.iter().position(|&side| shooting::has_free_cell(mesh, &shooter, side)).unwrap_or(sides.len() - 1);
     let of_cluster = |(&cluster, light): (&u32, &ClusterLight)| {
         let cluster = &mesh.clusters[cluster as usize];
         let most = most_light(finest, (cluster.low, cluster.high));
         let own = light.elements.iter().map(|e| strength(e.mean())).sum::<f32>() / light.elements.len() as f32;
         let share = most / (own + most).max(floor);
-        bounds.iter().filter(|&&bound| share > bound).count()
+        bounds.iter().filter(|&&bound| share > bound).count().max(least)
     };
     let levels: Vec<usize> = own.map(of_cluster).collect();
     (0..shots.len()).map(|level| Some(Arc::from_iter(levels.iter().map(|&of| of == level)))).collect()
