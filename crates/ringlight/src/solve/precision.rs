@@ -6,6 +6,7 @@
 
 use super::ring::Among;
 use super::{SolveSettings, Solver, State, World};
+use crate::mesh::{ALL_VALID, Mesh, Patch};
 use crate::shooting::{self, ClusterLight, Shot, Source, direction, distance, most_facing, strength};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -38,11 +39,8 @@ pub fn among(world: &World<'_>, state: &State, shots: &[Shot]) -> Vec<Among> {
     let floor = FLOOR * (state.emitted / 3.0 / sphere) as f32;
     let bounds = [2.0, 8.0, 32.0].map(|cells| least_share(cells, error as f32));
     let own = world.share.own.par_iter().zip(&state.clusters);
-    // What shoots from covered cells alone is lost.
     let Source::Patch(source) = &finest.source else { return vec![None; shots.len()] };
-    let shooter = mesh.patch(source.patch);
-    let sides = sides(&world.settings);
-    let least = sides.iter().position(|&side| shooting::has_free_cell(mesh, &shooter, side)).unwrap_or(sides.len() - 1);
+    let least = least_level(mesh, &mesh.patch(source.patch), &sides(&world.settings));
     let of_cluster = |(&cluster, light): (&u32, &ClusterLight)| {
         let cluster = &mesh.clusters[cluster as usize];
         let most = most_light(finest, (cluster.low, cluster.high));
@@ -52,6 +50,14 @@ pub fn among(world: &World<'_>, state: &State, shots: &[Shot]) -> Vec<Among> {
     };
     let levels: Vec<usize> = own.map(of_cluster).collect();
     (0..shots.len()).map(|level| Some(Arc::from_iter(levels.iter().map(|&of| of == level)))).collect()
+}
+
+/// From how many cells a patch shoots at least: from one that is free, and from 4 if some of it is covered, as then what stands on it
+/// sees only the free part.
+fn least_level(mesh: &Mesh, patch: &Patch, sides: &[u32]) -> usize {
+    let is_free = patch.elements().all(|element| mesh.valid[element as usize] == ALL_VALID);
+    let enough = |&side: &u32| is_free || side >= 2 && shooting::has_free_cell(mesh, patch, side);
+    sides.iter().position(enough).unwrap_or(sides.len() - 1)
 }
 
 /// The least share of a cluster's light that asks for more than so many cells: M = x^(4/5) (0.27/error)^(4/3) n^(2/15), if n shots make
