@@ -82,11 +82,6 @@ impl Share {
     pub fn is_full(&self) -> bool {
         self.seen >= 0.9999 * self.open
     }
-
-    /// Whether all is seen, or nothing.
-    pub fn is_certain(&self) -> bool {
-        self.seen == 0.0 || self.is_full()
-    }
 }
 
 /// Buffers that are used again.

@@ -2,9 +2,8 @@
 //! given more cells, until all together may be wrong by no more than the receivers' share of the error.
 //!
 //! Nodes err both ways, as their shadows fall, so that their errors add by their squares; those of their shapes add as they are. So few
-//! lamps may err by much each, and thousands of glowing surfaces by next to nothing each. What is in full view, or wholly hidden,
-//! needs nothing more; opened is what shadows cross, and the node's own cells are not used then: if what decides also shone, as far as
-//! it is few rays, light would be biased.
+//! lamps may err by much each, and thousands of glowing surfaces by next to nothing each. What all cells of a node show
+//! alike, lit or hidden, is taken from those cells; what shadows cross is opened, and its parts shine from cells of their own.
 
 use super::passes::Arrived;
 use crate::mesh::{Inquiry, Mesh};
