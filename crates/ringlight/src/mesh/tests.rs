@@ -87,7 +87,7 @@ fn a_shared_mesh_is_the_same_and_can_be_written() {
         let written = Bytes::new(bytes(&mesh));
         let mut shared = Mesh::shared(&written).unwrap();
         assert!(bytes(&shared) == written[..], "{name}");
-        let hierarchy = hierarchy(&shared);
+        let hierarchy = Arc::new(hierarchy(&shared));
         find_valid_samples(&mut mesh, &hierarchy);
         find_valid_samples(&mut shared, &hierarchy);
         assert!(bytes(&shared) == bytes(&mesh) && (name != "office.glb" || bytes(&mesh) != written[..]), "{name}");

@@ -24,9 +24,13 @@ pub struct Faces {
     representative: Vec<u32>,
 }
 
+/// A surface, and whether it is its back: of a thin shell's four sides, two face alike, and one of those is dark.
+type Side = (u32, bool);
+
 /// An element that may belong to a face cluster.
 struct Small {
     element: u32,
+    side: Side,
     low: Vec3,
     high: Vec3,
     middle: Vec3,
@@ -45,9 +49,12 @@ impl Faces {
             let mut representative: Vec<u32> = cluster.elements.clone().collect();
             let patches = cluster.patches.clone().map(|id| mesh.patch(id));
             let mut small: Vec<Small> = patches.filter_map(|patch| Small::of(mesh, &patch)).collect();
-            join(mesh, &mut small, &mut |of, element| {
-                representative[(element - cluster.elements.start) as usize] = of;
-            });
+            small.sort_by_key(|s| s.side);
+            for of_side in small.chunk_by_mut(|a, b| a.side == b.side) {
+                join(mesh, of_side, &mut |of, element| {
+                    representative[(element - cluster.elements.start) as usize] = of;
+                });
+            }
             representative
         };
         Faces { representative: mesh.clusters.par_iter().flat_map_iter(of_cluster).collect() }
@@ -78,8 +85,15 @@ impl Small {
             (low, high) = (low.min(corner.as_vec3()), high.max(corner.as_vec3()));
         }
         let normal = patch.normal.as_vec3();
-        is_face_cluster(mesh, low, high, 1.0).then(|| Small { element, low, high, middle: middle(patch), normal })
+        is_face_cluster(mesh, low, high, 1.0).then(|| {
+            let (side, middle) = (side(mesh, patch), middle(patch));
+            Small { element, side, low, high, middle, normal }
+        })
     }
+}
+
+fn side(mesh: &Mesh, patch: &Patch) -> Side {
+    (mesh.facets[patch.facet as usize].surface, patch.back)
 }
 
 fn middle(patch: &Patch) -> Vec3 {
@@ -134,7 +148,7 @@ pub struct Between<'a> {
 #[derive(Clone, Copy)]
 struct Place {
     element: u32,
-    surface: u32,
+    side: Side,
     point: Vec3,
     normal: Vec3,
 }
@@ -179,7 +193,7 @@ impl<'a> Between<'a> {
     fn weight(&self, at: &Place, place: &Place) -> f64 {
         let squared = f64::from((place.point - at.point).length_squared());
         let alike = f64::from(place.normal.dot(at.normal));
-        if squared >= self.reach * self.reach || alike <= 0.0 || place.surface != at.surface {
+        if squared >= self.reach * self.reach || alike <= 0.0 || place.side != at.side {
             return 0.0;
         }
         let away = squared.sqrt();
@@ -190,8 +204,8 @@ impl<'a> Between<'a> {
 
 impl Place {
     fn of(mesh: &Mesh, patch: &Patch) -> Place {
-        let surface = mesh.facets[patch.facet as usize].surface;
-        Place { element: patch.first_element, surface, point: middle(patch), normal: patch.normal.as_vec3() }
+        let (side, point, normal) = (side(mesh, patch), middle(patch), patch.normal.as_vec3());
+        Place { element: patch.first_element, side, point, normal }
     }
 }
 
