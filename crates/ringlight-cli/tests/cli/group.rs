@@ -64,6 +64,34 @@ fn adaptive_elements_do_not_depend_on_where_they_are_found() {
     workshop.ringlight(&format!("{BAKE} -o a.ringlight --adapt 6")).assert().code(2);
 }
 
+/// Two rooms, of which one is lit and has a table: elements become small there alone, and are dealt out anew.
+#[test]
+fn adaptive_elements_of_a_half_lit_scene_are_dealt_out_evenly() {
+    let workshop = Workshop::new();
+    workshop.put("half.mtl", "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl lamp\nKe 20 20 20\n");
+    let corners = |[a, b, c]: [f64; 3], [d, e, f]: [f64; 3]| {
+        let corners = [[a, b, c], [d, b, c], [d, b, f], [a, b, f], [a, e, c], [d, e, c], [d, e, f], [a, e, f]];
+        corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect::<String>()
+    };
+    let mut obj = String::from("mtllib half.mtl\n");
+    for x in [0.0, 4.0] {
+        obj += &corners([x, 0.0, 0.0], [x + 4.0, 3.0, 4.0]);
+        obj +=
+            "usemtl grey\nf -8 -7 -6 -5\nf -4 -3 -2 -1\nf -8 -7 -3 -4\nf -6 -5 -1 -2\nf -7 -6 -2 -3\nf -5 -8 -4 -1\n";
+    }
+    obj += &(corners([1.0, 1.0, 2.2], [2.5, 2.9, 3.0]) + "f -8 -7 -6 -5\nusemtl lamp\nf -4 -3 -2 -1\n");
+    workshop.put("half.obj", obj);
+    let bake = "bake half.obj --element-size 0.2 --patch-size 0.4 --error 0.02 --adapt 2 -o half.ringlight --force";
+    workshop.ringlight(&format!("{bake} --ranks 4 --report half.json")).assert().code(0);
+    let report = workshop.json("half.json");
+    let of_ranks: Vec<f64> =
+        report["ranks"].as_array().unwrap().iter().map(|rank| rank["elements"].as_f64().unwrap()).collect();
+    let (most, all) = (of_ranks.iter().copied().fold(0.0, f64::max), of_ranks.iter().sum::<f64>());
+    assert_eq!((of_ranks.len(), all), (4, report["scene"]["elements"].as_f64().unwrap()));
+    println!("{of_ranks:?}");
+    assert!(all > 20_000.0 && most <= 1.1 * all / 4.0, "{of_ranks:?}");
+}
+
 #[test]
 fn the_solution_does_not_depend_on_where_it_runs_or_who_watches() {
     let workshop = Workshop::new();

@@ -8,6 +8,7 @@ use crate::resources::Resources;
 use crate::scene::{self, ReadOptions, Scene};
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Files of `scenes/`, and a texture with holes.
 struct Files<'a>(Store<'a>);

@@ -140,8 +140,8 @@ fn join(mesh: &Mesh, small: &mut [Small], tell: &mut impl FnMut(u32, u32)) {
 /// (Shepard 1968; Franke & Nielson 1980 for weights of bounded reach).
 pub struct Between<'a> {
     mesh: &'a Mesh,
-    /// Representatives by the cube of [`REACH`] that they lie in.
-    places: Vec<([i32; 3], Place)>,
+    /// Representatives by their side and the cube of [`REACH`] that they lie in.
+    places: Vec<((Side, [i32; 3]), Place)>,
     reach: f64,
 }
 
@@ -165,11 +165,11 @@ impl<'a> Between<'a> {
             let patch = mesh.patch(id);
             shared[patch.first_element as usize].then(|| {
                 let place = Place::of(mesh, &patch);
-                (cube(place.point, reach), place)
+                ((place.side, cube(place.point, reach)), place)
             })
         };
         let mut places: Vec<_> = (0..mesh.patch_count() as u32).into_par_iter().filter_map(place).collect();
-        places.par_sort_unstable_by_key(|(cube, place)| (*cube, place.element));
+        places.par_sort_unstable_by_key(|(key, place)| (*key, place.element));
         (!places.is_empty()).then_some(Between { mesh, places, reach })
     }
 
@@ -179,8 +179,9 @@ impl<'a> Between<'a> {
         let [x, y, z] = cube(at.point, self.reach);
         let (mut sum, mut total) = ([0.0f64; 3], 0.0);
         for (i, j) in (-1..=1).flat_map(|i| (-1..=1).map(move |j| (i, j))) {
-            let start = self.places.partition_point(|(cube, _)| *cube < [x + i, y + j, z - 1]);
-            let row = self.places[start..].iter().take_while(|(cube, _)| *cube <= [x + i, y + j, z + 1]);
+            let cube = |k: i32| (at.side, [x + i, y + j, z + k]);
+            let start = self.places.partition_point(|(key, _)| *key < cube(-1));
+            let row = self.places[start..].iter().take_while(|(key, _)| *key <= cube(1));
             for (_, place) in row {
                 let weight = self.weight(&at, place);
                 total += weight;
@@ -193,7 +194,7 @@ impl<'a> Between<'a> {
     fn weight(&self, at: &Place, place: &Place) -> f64 {
         let squared = f64::from((place.point - at.point).length_squared());
         let alike = f64::from(place.normal.dot(at.normal));
-        if squared >= self.reach * self.reach || alike <= 0.0 || place.side != at.side {
+        if squared >= self.reach * self.reach || alike <= 0.0 {
             return 0.0;
         }
         let away = squared.sqrt();
