@@ -18,7 +18,6 @@ mod pairing;
 mod plane;
 mod refine;
 mod shared;
-mod sides;
 mod size;
 #[cfg(test)]
 mod tests;
@@ -35,7 +34,7 @@ pub use occluders::{CLEAR_COVERAGE, FacetCoverage, OPAQUE_COVERAGE, Occluder, hi
 pub use plane::{Planes, RELATIVE_TOLERANCE};
 pub use shared::SharedError;
 pub use size::{Quality, Sizes};
-pub use validity::{find_valid_samples, is_hidden_beside, look_outs, sample_parameters, valid_samples};
+pub use validity::{find_valid_samples, is_hidden_beside, look_about, look_outs, sample_parameters, valid_samples};
 
 use crate::column::Column;
 use crate::scene::Warnings;
@@ -263,11 +262,16 @@ impl Patch {
         Tile::of(self.frame.layout, self.grid, k)
     }
 
-    /// Where light is evaluated on its `k`-th element: its middle, or, where that is covered by other geometry, the free sample
-    /// nearest to it. None if all are covered.
+    /// Where light is evaluated on its `k`-th element: its middle, or, when the samples there are covered by other
+    /// geometry, the free sample nearest to the middle. None if all are covered.
     pub fn sample_point(&self, k: u32, valid: u16) -> Option<DVec3> {
-        let at = sample_parameters(self.frame.layout, valid)?;
-        Some(self.frame.at(self.element_tile(k).at(at)))
+        let tile = self.element_tile(k);
+        let (order, innermost) = validity::order(self.frame.layout);
+        if valid & innermost == innermost {
+            return Some(self.frame.at(tile.at(Frame::middle(self.frame.layout))));
+        }
+        let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
+        Some(self.area_sample(&tile, sample.into()))
     }
 
     /// Whether the surface at parameters `at` of the patch is covered by other geometry.

@@ -50,12 +50,12 @@ pub fn solve_refined(
     let mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let subdivisions: Vec<u8> = (0..mesh.patch_count() as u32).map(subdivision).collect();
     let mut mesh = mesh.refined(&scene, &subdivisions, Store::Heap).unwrap();
-    let hierarchy = Arc::new(mesh::hierarchy(&mesh));
+    let hierarchy = mesh::hierarchy(&mesh);
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     let settings =
         SolveSettings { solver: Solver::Plain, cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
     let ranks = &mut Communicator::alone();
-    let mut ring = Ring::alone(&mesh, hierarchy);
+    let mut ring = Ring::alone(&mesh, Arc::new(hierarchy));
     let world = World::new(&mut ring, &scene.lights, settings, ranks).unwrap();
     let mut state = State::new(&world, ranks).unwrap();
     let stop = StopRule { until, max_shots: None };
