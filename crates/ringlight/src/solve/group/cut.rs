@@ -6,7 +6,6 @@
 //! alike, lit or hidden, is taken from those cells; what shadows cross is opened, and its parts shine from cells of their own.
 
 use super::passes::Arrived;
-use super::reach::Reached;
 use crate::mesh::{Inquiry, Mesh};
 use crate::shooting::{
     FarCells, FarWork, Kind, Node, Radiosity, Receivers, Share, ShooterTree, TreeLight, Work, direction, distance,
@@ -89,7 +88,6 @@ enum Seen {
 struct Cutting<'a> {
     cut: &'a Cut<'a>,
     receivers: &'a Receivers,
-    reached: Option<Reached<'a>>,
     inquiry: &'a Inquiry<'a>,
     /// Error that all together may make, W/m² or lux.
     allowed: f32,
@@ -108,19 +106,17 @@ struct Cutting<'a> {
 }
 
 impl Cut<'_> {
-    /// What some receivers get, whose elements are numbered from `first`; their light is `own` at least, and if it is known what
-    /// reaches them, nothing else counts.
+    /// What some receivers get, whose elements are numbered from `first`; their light is `own` at least.
     pub async fn light(
         &self,
         receivers: &Receivers,
-        (first, own): (u32, f32),
-        reached: Option<Reached<'_>>,
+        first: u32,
+        own: f32,
         inquiry: &Inquiry<'_>,
     ) -> (Vec<Arrived>, Tally) {
         let mut cutting = Cutting {
             cut: self,
             receivers,
-            reached,
             inquiry,
             allowed: self.allowed * own,
             partly: BinaryHeap::new(),
@@ -180,16 +176,12 @@ impl Cut<'_> {
 impl Cutting<'_> {
     /// Whether all together may be wrong by no more than is allowed.
     fn is_good(&self) -> bool {
-        let missing = self.reached.map_or(0.0, |reached| reached.missing);
-        let certain = f64::from(self.certain.peek().map_or(missing, |part| part.error.max(missing)));
+        let certain = self.certain.peek().map_or(0.0, |part| f64::from(part.error));
         self.errors[1] + (self.errors[0].max(0.0) + certain * certain).sqrt() <= f64::from(self.allowed)
     }
 
     /// Adds a node, or those of its parts that give light.
     fn add(&mut self, number: u32) {
-        if self.reached.is_some_and(|reached| !reached.holds(self.cut.tree, number)) {
-            return;
-        }
         let Some(estimate) = self.cut.estimate(self.receivers, number) else { return };
         let node = &self.cut.tree.nodes[number as usize];
         if is_near(self.receivers, node) {
