@@ -20,6 +20,7 @@ const ENDS: Record<string, string> = {
   converged: "converged",
   "nothing-left": "converged",
   "max-shots": "all shots done",
+  memory: "stopped: no memory for smaller elements",
   stopped: "stopped",
   "time-limit": "time is over",
   interrupted: "interrupted",

@@ -9,6 +9,7 @@ use crate::run::{Made, Run, Solved};
 use anyhow::Context;
 use ringlight::adapt::{self, Fineness};
 use ringlight::column::Column;
+use ringlight::mesh::Mesh;
 use ringlight::scene::Scene;
 use ringlight::solution::{Solution, SolvedLight};
 use ringlight::solve::{Ledger, SolveSettings, Solver};
@@ -35,15 +36,15 @@ pub fn plan(arguments: &Bake, settings: SolveSettings) -> (Fineness, SolveSettin
 
 impl Run<'_, '_> {
     /// Cuts patches finer where the light of a rough solve asks for it; `scene` is there on those who lead a machine. Every
-    /// rank calls it.
+    /// rank calls it. Gives the mesh as it was too.
     pub fn adapt(
         &mut self,
         (host, arguments): (&Host, &Bake),
         (made, scene): (Made, Option<&Scene>),
         (settings, solved): (SolveSettings, Solved),
         fineness: &Fineness,
-    ) -> Result<Made, Failure> {
-        let made = self.stage(Stage::Mesh, |run| {
+    ) -> Result<(Mesh, Made), Failure> {
+        let (coarser, made) = self.stage(Stage::Mesh, |run| {
             let Made { mesh, description, images } = made;
             let (ledger, energy) = (Ledger::of(&solved.state), solved.energy);
             let light = match run.ranks.size() {
@@ -58,10 +59,10 @@ impl Run<'_, '_> {
             let Solution { description, mesh, images, .. } = solution;
             let finer = scene.map(|scene| mesh.refined(scene, &subdivisions, host.store())).transpose();
             let finer = finer.map_err(|error| input::locate(error, &arguments.scene))?;
-            Ok::<_, Failure>(finer.map(|mesh| Made { mesh, description, images }))
+            Ok::<_, Failure>((mesh, finer.map(|mesh| Made { mesh, description, images })))
         })?;
         let made = self.share(host, made)?;
         self.detail(&format!("{} elements where light changes much are smaller", made.mesh.element_count()));
-        Ok(made)
+        Ok((coarser, made))
     }
 }

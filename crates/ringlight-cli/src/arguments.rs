@@ -346,7 +346,7 @@ pub struct DisplayArguments {
 }
 
 /// How the work is spread over ranks. Nothing of it changes the result.
-#[derive(Clone, Copy, Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct SpreadArguments {
     /// Ranks, as threads of this process; each has a share of the light and of the geometry. Under an MPI launcher its -n says
     /// how many there are
@@ -355,9 +355,10 @@ pub struct SpreadArguments {
     /// Rings into which the ranks are divided; each ring holds the whole geometry. auto: as many as memory allows
     #[arg(long, value_name = "R|auto", default_value = "auto", value_parser = values::rings)]
     pub rings: RingsChoice,
-    /// Memory that a rank may use, as in 2GiB or 500MB; by default its share of what the system has left
-    #[arg(long, value_name = "SIZE", value_parser = values::memory)]
-    pub memory_per_rank: Option<u64>,
+    /// Memory that a rank may use, as in 2GiB or 500MB, or that each may, separated by commas; by default its share of what the
+    /// system has left
+    #[arg(long, value_name = "SIZE", value_parser = values::memory, value_delimiter = ',')]
+    pub memory_per_rank: Vec<u64>,
     /// Most sample points that travel between ranks and are tested together; a good number by default
     #[arg(long, value_name = "N", value_parser = values::packet_size)]
     pub packet_size: Option<usize>,

@@ -27,25 +27,36 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let path = arguments.scene.as_path();
     let others = Others { scene: Some(path), ..run.others() };
     launch::on_first_rank(run.ranks, || outputs::check(&arguments.targets, &others))?;
-    let frugal = arguments.spread.memory_per_rank.is_some();
+    let frugal = arguments.spread.is_bounded();
     let host = Host::find(run.ranks, arguments.sizes.scratch.as_deref(), frugal)?;
     let settings = method::settings(&arguments.method, &arguments.stop, arguments.sizes.quality)?;
     let made = if host.leads() { Some(make(&mut run, arguments, host.store(), settings.sky)?) } else { None };
     let (made, scene) = made.unzip();
     let mut made = run.share(&host, made)?;
-    run.choose_rings(&host, &made.mesh, &settings)?;
+    run.choose_rings(&host, &made.mesh, &settings)?.map_err(anyhow::Error::msg)?;
     let (fineness, rough) = adapt::plan(arguments, settings);
-    let mut level = 0;
-    let (solved, settings, hierarchy) = loop {
-        let last = level == fineness.levels;
+    let (mut level, mut full) = (0, false);
+    let (mut solved, settings, hierarchy) = loop {
+        let last = level == fineness.levels || full;
         let settings = if last { settings } else { rough };
         let (solved, hierarchy) = light(&mut run, &host, &mut made, settings, arguments)?;
         if last || solved.reason != StopReason::Converged {
             break (solved, settings, hierarchy);
         }
-        made = run.adapt((&host, arguments), (made, scene.as_ref()), (settings, solved), &fineness)?;
-        level += 1;
+        let coarser;
+        (coarser, made) = run.adapt((&host, arguments), (made, scene.as_ref()), (settings, solved), &fineness)?;
+        match run.choose_rings(&host, &made.mesh, &settings)? {
+            Ok(()) => level += 1,
+            // What is split does not depend on memory: all that light asks for, or nothing.
+            Err(lacking) => {
+                run.warn(&no_room(&lacking));
+                (made.mesh, full) = (coarser, true);
+            }
+        }
     };
+    if full && solved.reason == StopReason::Converged {
+        solved.reason = StopReason::Memory;
+    }
     let mut reported = method::reported(&settings, &made.mesh, &arguments.stop);
     reported.insert("adapt".into(), level.into());
     let quality = arguments.sizes.quality;
@@ -55,6 +66,13 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     }
     let baked = Baked { made, settings, solved };
     run.finish(baked, (&arguments.targets, &arguments.display), &host, hierarchy, reported)
+}
+
+/// That smaller elements do not fit.
+fn no_room(lacking: &str) -> Warnings {
+    let mut warnings = Warnings::default();
+    warnings.add("no-room", format!("elements do not become smaller where light changes: {lacking}"), Place::default());
+    warnings
 }
 
 /// Finds the light of a mesh; gives the hierarchy too, if it is that of the whole scene. Every rank calls it.

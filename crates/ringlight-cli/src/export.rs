@@ -14,7 +14,7 @@ pub fn export(arguments: &Export, ranks: &mut Communicator<'_>) -> Result<End, F
     spread::check(&arguments.spread, ranks.size())?;
     let others = Others { scene, report: arguments.report.as_deref(), ..Others::default() };
     launch::on_first_rank(ranks, || outputs::check(&arguments.targets, &others))?;
-    let host = Host::find(ranks, None, arguments.spread.memory_per_rank.is_some())?;
+    let host = Host::find(ranks, None, arguments.spread.is_bounded())?;
     let solution = reading::solution(ranks, &host, path, scene)?;
     outputs::check_camera(&arguments.display, &solution.description.cameras)?;
     outputs::check_sizes(&arguments.targets, &solution.mesh)?;

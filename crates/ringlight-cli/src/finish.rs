@@ -57,7 +57,7 @@ impl Run<'_, '_> {
         // A signal that came while outputs were written counts as well.
         Ok(match signal.unwrap_or(reason) {
             StopReason::Converged | StopReason::NothingLeft | StopReason::MaxShots => End::Done,
-            StopReason::Stopped | StopReason::TimeLimit => End::StoppedEarly,
+            StopReason::Memory | StopReason::Stopped | StopReason::TimeLimit => End::StoppedEarly,
             StopReason::Interrupted => End::Interrupted,
             StopReason::Terminated => End::Terminated,
         })
@@ -169,7 +169,7 @@ impl Run<'_, '_> {
             warnings: Vec::new(),
             scene: SceneReport::new(description, mesh),
             settings: settings.into(),
-            solve: SolveReport::new(&solved.progress, solved.reason),
+            solve: SolveReport::new(&solved.progress, baked.settings.solver, solved.reason),
             seconds: self.seconds,
             energy: solved.energy,
             clipped: 0.0,
@@ -232,6 +232,7 @@ fn summary(progress: &Progress, reason: StopReason, seconds: f64) -> String {
         StopReason::Converged => "converged",
         StopReason::NothingLeft => "converged: nothing is left to shoot",
         StopReason::MaxShots => "stopped by --max-shots",
+        StopReason::Memory => "stopped for want of memory",
         StopReason::Stopped => "stopped from the page",
         StopReason::TimeLimit => "stopped by --time-limit",
         StopReason::Interrupted => "interrupted",

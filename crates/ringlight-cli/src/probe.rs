@@ -18,7 +18,7 @@ pub fn probe(arguments: &Probe, ranks: &mut Communicator<'_>) -> Result<End, Fai
     launch::on_first_rank(ranks, || check(arguments))?;
     // A bad table is refused before the solution is read.
     let listed = arguments.points.as_deref().map(read_points).transpose()?;
-    let host = Host::find(ranks, None, arguments.spread.memory_per_rank.is_some())?;
+    let host = Host::find(ranks, None, arguments.spread.is_bounded())?;
     let solution = reading::solution(ranks, &host, &arguments.solution, None)?;
     let grid = match &arguments.grid {
         Some(request) => Some(request.points(&solution, arguments.height).map_err(Failure::Usage)?),

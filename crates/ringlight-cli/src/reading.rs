@@ -110,9 +110,9 @@ pub fn ring<'m>(
     arguments: &SpreadArguments,
     mesh: &'m Mesh,
 ) -> Result<Ring<'m>, Failure> {
-    let bounded = ranks.size() > 1 || arguments.memory_per_rank.is_some();
+    let bounded = ranks.size() > 1 || arguments.is_bounded();
     let rings = match bounded {
-        true => spread::choose(arguments, Counts::of(mesh).demand(MeshPlace::Files, 1), ranks)?.0,
+        true => spread::choose(arguments, Counts::of(mesh).demand(MeshPlace::Files, 1), ranks)?.map_err(anyhow::Error::msg)?.rings,
         false => Rings::one(1),
     };
     Ok(Ring::new(mesh, &spread::spread(arguments, rings), ranks.rank()))

@@ -23,7 +23,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let (path, scene) = (arguments.solution.as_path(), arguments.scene.as_deref());
     let others = Others { scene, resumed: Some(path), ..run.others() };
     launch::on_first_rank(run.ranks, || outputs::check(&arguments.targets, &others))?;
-    let frugal = arguments.spread.memory_per_rank.is_some();
+    let frugal = arguments.spread.is_bounded();
     let host = Host::find(run.ranks, None, frugal)?;
     let located = || path.display().to_string();
     let bytes = input::bytes(path)?;
@@ -32,7 +32,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let (settings, ledger): (SolveSettings, Ledger) = run.tell(decided)?;
     method::check_resumed(&settings, &arguments.stop, path)?;
     let Made { mesh, description, images } = run.share(&host, made)?;
-    run.choose_rings(&host, &mesh, &settings)?;
+    run.choose_rings(&host, &mesh, &settings)?.map_err(anyhow::Error::msg)?;
     let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, None));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
     let light = || LightFile::open(&bytes)?.light_of(&mesh, &world.share.own);

@@ -10,7 +10,7 @@ use crate::outputs::Others;
 use crate::progress::{Reporter, Stage};
 use crate::showing::{Showing, Subject};
 use crate::signals::Signals;
-use crate::spread;
+use crate::spread::{self, Choice};
 use crate::watch::{Checkpoint, Watch};
 use anyhow::Context;
 use ringlight::mesh::Mesh;
@@ -38,6 +38,8 @@ pub struct Run<'a, 'b> {
     /// The way to the other ranks.
     pub ranks: &'a mut Communicator<'b>,
     pub(crate) rings: Rings,
+    /// For how many elements each rank has room.
+    pub(crate) rooms: Vec<u64>,
     /// What this rank has to report, as far as it is known.
     pub(crate) own: RankReport,
     /// How the load of this rank's ring was balanced.
@@ -111,26 +113,38 @@ impl<'a, 'b> Run<'a, 'b> {
         }
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
         let (rings, own) = (Rings::one(ranks.size()), RankReport::default());
-        let balance = Vec::new();
-        Ok(Run { arguments, spread, ranks, rings, own, balance, start, signals, reporter, showing, seconds, warnings })
+        let (rooms, balance) = (vec![u64::MAX; ranks.size()], Vec::new());
+        Ok(Run { arguments, spread, ranks, rings, rooms, own, balance, start, signals, reporter, showing, seconds, warnings })
     }
 
     pub fn is_first(&self) -> bool {
         self.ranks.rank() == 0
     }
 
-    /// Chooses the rings, before memory is taken for what they divide.
-    pub fn choose_rings(&mut self, host: &Host, mesh: &Mesh, settings: &SolveSettings) -> Result<(), Failure> {
+    /// Chooses the rings and who owns how much, before memory is taken for what they divide. Gives words if there is too little.
+    pub fn choose_rings(
+        &mut self,
+        host: &Host,
+        mesh: &Mesh,
+        settings: &SolveSettings,
+    ) -> Result<Result<(), String>, Failure> {
         let demand = plan::demand(mesh, host.mesh_place(), settings);
         let demand = Demand { saving: self.arguments.checkpoint.as_ref().map_or(0, |_| demand.writing), ..demand };
-        let (rings, needed) = spread::choose(self.spread, demand, self.ranks)?;
-        self.rings = rings;
+        let Choice { rings, needed, rooms } = match spread::choose(self.spread, demand, self.ranks)? {
+            Ok(choice) => choice,
+            Err(lacking) => return Ok(Err(lacking)),
+        };
+        let elements = |bytes: u64| match demand.owned {
+            0 => u64::MAX,
+            owned => (bytes as f64 / owned as f64 * mesh.element_count() as f64) as u64,
+        };
+        (self.rings, self.rooms) = (rings, rooms.into_iter().map(elements).collect());
         if rings.ranks() > 1 {
             let (ranks, count, needed) = (rings.ranks(), rings.rings(), spread::in_words(needed));
             let rings = if count == 1 { "one ring".into() } else { format!("{count} rings") };
             self.say(&format!("{ranks} ranks in {rings}, each with up to about {needed} of memory"));
         }
-        Ok(())
+        Ok(Ok(()))
     }
 
     /// Files besides the outputs that will be written.
@@ -187,7 +201,8 @@ impl<'a, 'b> Run<'a, 'b> {
     /// This rank's place in its ring, with the hierarchy of its shard if it has been built before.
     pub fn ring<'m>(&self, mesh: &'m Mesh, hierarchy: Option<Arc<Hierarchy>>) -> Ring<'m> {
         let spread = spread::spread(self.spread, self.rings);
-        Ring::with(mesh, &spread, self.ranks.rank(), hierarchy, Box::new(machine::thread_seconds))
+        let share = Share::within(mesh, self.ranks.rank(), &self.rooms);
+        Ring::with(mesh, &spread, share, hierarchy, Box::new(machine::thread_seconds))
     }
 
     /// Gives all ranks what the first has to say. Every rank calls it.

@@ -6,7 +6,6 @@ use crate::launch::{COMMAND, ranks_with_the_same};
 use crate::machine::{self, MemoryLeft};
 use crate::run::Settings;
 use crate::values::RingsChoice;
-use anyhow::anyhow;
 use ringlight::ring::{Demand, Rings, Routing, Shards};
 use ringlight::solve::{OUTLINE, Spread};
 use ringlight::transport::{self, Communicator};
@@ -18,7 +17,18 @@ pub fn check(arguments: &SpreadArguments, ranks: usize) -> Result<(), Failure> {
             let given = if ranks == 1 { "there is 1 rank".into() } else { format!("there are {ranks} ranks") };
             Err(Failure::Usage(format!("--rings {rings}: {given}, and each ring needs one at least")))
         }
-        _ => Ok(()),
+        _ => match arguments.memory_per_rank.len() {
+            0 | 1 => Ok(()),
+            given if given == ranks => Ok(()),
+            given => Err(Failure::Usage(format!("--memory-per-rank: {given} sizes for {ranks} ranks; give one, or one each"))),
+        },
+    }
+}
+
+impl SpreadArguments {
+    /// Whether the user says how much memory there is.
+    pub fn is_bounded(&self) -> bool {
+        !self.memory_per_rank.is_empty()
     }
 }
 
@@ -36,62 +46,81 @@ pub fn spread(arguments: &SpreadArguments, rings: Rings) -> Spread {
     Spread { shards, routing, packet_size: arguments.packet_size.unwrap_or(best.packet_size), ..best }
 }
 
-/// The rings, and the memory that each rank needs at most, bytes. An error if that is more than there is; the same on all
-/// ranks.
+/// How ranks share memory.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// The rings.
+    pub rings: Rings,
+    /// What each rank needs at most, bytes, if all own as much.
+    pub needed: u64,
+    /// For how many bytes each rank has room, of what all own together.
+    pub rooms: Vec<u64>,
+}
+
+/// Chooses rings that memory allows, or says why none do; the same on all ranks.
 pub fn choose(
     arguments: &SpreadArguments,
     demand: Demand,
     ranks: &mut Communicator<'_>,
-) -> Result<(Rings, u64), Failure> {
+) -> Result<Result<Choice, String>, transport::Failure> {
     let size = ranks.size();
     let Spread { window, packet_size, .. } = spread(arguments, Rings::one(size));
     let demand = demand.with_packets(window, packet_size, OUTLINE);
-    let available = match arguments.memory_per_rank {
-        Some(bytes) => bytes,
-        None => share_of_what_is_left(ranks, machine::memory_left())?,
+    let available = match arguments.memory_per_rank[..] {
+        [] => shares_of_what_is_left(ranks, machine::memory_left())?,
+        [bytes] => vec![bytes; size],
+        _ => arguments.memory_per_rank.clone(),
     };
-    let fitting = demand.most_rings(size, available);
+    let fitting = demand.most_rings(&available);
     let rings = match arguments.rings {
         RingsChoice::Auto => fitting,
-        RingsChoice::Number(rings) => Rings::new(size, rings).filter(|rings| demand.of_a_rank(*rings) <= available),
+        RingsChoice::Number(rings) => Rings::new(size, rings),
     };
-    if let Some(rings) = rings {
-        return Ok((rings, demand.of_a_rank(rings)));
+    if let Some((rings, rooms)) = rings.and_then(|rings| Some((rings, demand.rooms(rings, &available)?))) {
+        return Ok(Ok(Choice { rings, needed: demand.of_a_rank(rings), rooms }));
     }
     let asked = match arguments.rings {
         RingsChoice::Auto => 1,
         RingsChoice::Number(rings) => rings,
     };
-    let needed = Rings::new(size, asked).map_or(u64::MAX, |rings| demand.of_a_rank(rings));
-    let way_out = match (fitting, demand.fewest_ranks(available)) {
+    let needed = in_words(Rings::new(size, asked).map_or(u64::MAX, |rings| demand.of_a_rank(rings)));
+    let (least, most) = available.iter().fold((u64::MAX, 0), |(least, most), &b| (least.min(b), most.max(b)));
+    let way_out = match (fitting, demand.fewest_ranks(least)) {
         (Some(rings), _) => format!("--rings {} would do", rings.rings()),
         (None, Some(fewest)) => format!("{fewest} ranks in one ring would do"),
         (None, None) => "no number of ranks would do".into(),
     };
-    let limit =
-        if arguments.memory_per_rank.is_some() { "" } else { " (what is left here; --memory-per-rank says otherwise)" };
-    let (needed, available) = (in_words(needed), in_words(available));
-    Err(anyhow!("each rank needs about {needed} of memory, and may use {available}{limit}; {way_out}").into())
+    let limit = if arguments.is_bounded() { "" } else { " (what is left here; --memory-per-rank says otherwise)" };
+    let available = match least == most {
+        true => in_words(least),
+        false => format!("{} to {}", in_words(least), in_words(most)),
+    };
+    Ok(Err(format!("each rank needs about {needed} of memory, and may use {available}{limit}; {way_out}")))
 }
 
-/// This rank's share of what the system has left, or the share of the rank that has least.
-fn share_of_what_is_left(ranks: &mut Communicator<'_>, left: MemoryLeft) -> Result<u64, transport::Failure> {
+/// Every rank's share of what the system has left to it.
+fn shares_of_what_is_left(ranks: &mut Communicator<'_>, left: MemoryLeft) -> Result<Vec<u64>, transport::Failure> {
     let here = ranks_with_the_same(ranks, &machine::host())? as u64;
     let in_process = ranks_with_the_same(ranks, &format!("{} {}", machine::host(), std::process::id()))? as u64;
     let share = |left: Option<u64>, among: u64| left.map_or(u64::MAX, |bytes| bytes / among);
     let own = share(left.together, here).min(share(left.process, in_process));
-    let least = |a: [u8; 8], b: [u8; 8]| u64::from_le_bytes(a).min(u64::from_le_bytes(b)).to_le_bytes();
-    Ok(u64::from_le_bytes(ranks.all_reduce(COMMAND, own.to_le_bytes(), least)?))
+    let all = ranks.all_gather(COMMAND, own.to_le_bytes().to_vec())?;
+    Ok(all.iter().flat_map(|bytes| bytes.first_chunk()).map(|&bytes| u64::from_le_bytes(bytes)).collect())
 }
 
 /// Settings as the report shows them.
 pub fn settings(arguments: &SpreadArguments, rings: Rings) -> Settings {
-    let SpreadArguments { memory_per_rank, shards, routing, .. } = *arguments;
+    let SpreadArguments { memory_per_rank, shards, routing, .. } = arguments;
+    let memory_per_rank = match memory_per_rank[..] {
+        [] => None::<u64>.into(),
+        [bytes] => bytes.into(),
+        _ => memory_per_rank.as_slice().into(),
+    };
     Settings::from_iter([
         ("threads".into(), rayon::current_num_threads().into()),
         ("ranks".into(), rings.ranks().into()),
         ("rings".into(), rings.rings().into()),
-        ("memory_per_rank".into(), memory_per_rank.into()),
+        ("memory_per_rank".into(), memory_per_rank),
         ("packet_size".into(), spread(arguments, rings).packet_size.into()),
         ("shards".into(), format!("{shards:?}").to_lowercase().into()),
         ("routing".into(), format!("{routing:?}").to_lowercase().into()),
@@ -112,7 +141,8 @@ mod tests {
     use super::*;
     use ringlight::transport::threads;
 
-    fn arguments(rings: RingsChoice, memory_per_rank: Option<u64>) -> SpreadArguments {
+    fn arguments(rings: RingsChoice, memory_per_rank: &[u64]) -> SpreadArguments {
+        let memory_per_rank = memory_per_rank.to_vec();
         let (shards, routing) = (ShardsChoice::Spatial, RoutingChoice::Boxes);
         SpreadArguments { ranks: None, rings, memory_per_rank, packet_size: None, shards, routing }
     }
@@ -120,11 +150,11 @@ mod tests {
     /// With so many GiB for each rank, and some for packets.
     fn chosen(size: usize, rings: RingsChoice, memory: u64) -> Result<usize, String> {
         let demand = Demand { owned: 8 << 30, triangles: 16 << 30, held: 1, ..Demand::default() };
-        let memory = Some((memory << 30) + (32 << 20));
-        let choice = |ranks: &mut Communicator<'_>| choose(&arguments(rings, memory), demand, ranks);
-        let all = threads::run(size, choice).map_err(|failure| failure.to_string())?;
+        let memory = [(memory << 30) + (32 << 20)];
+        let choice = |ranks: &mut Communicator<'_>| choose(&arguments(rings, &memory), demand, ranks);
+        let all = threads::run(size, choice).unwrap();
         assert!(all.windows(2).all(|pair| pair[0] == pair[1]));
-        Ok(all[0].0.rings())
+        all[0].clone().map(|choice| choice.rings.rings())
     }
 
     #[test]
@@ -145,16 +175,26 @@ mod tests {
     }
 
     #[test]
+    fn who_may_use_less_owns_less() {
+        let demand = Demand { owned: 8 << 30, ..Demand::default() };
+        let memory = [1, 5, 2, 0].map(|gib| gib << 30);
+        let choices = threads::run(4, |ranks| choose(&arguments(RingsChoice::Number(4), &memory), demand, ranks)).unwrap();
+        assert_eq!(choices[0].as_ref().unwrap().rooms, memory);
+    }
+
+    #[test]
     fn ranks_of_one_process_share_what_is_left() {
         let left = MemoryLeft { together: Some(900), process: Some(600) };
-        let shares = threads::run(3, |ranks| share_of_what_is_left(ranks, left)).unwrap();
-        assert_eq!(shares, [200; 3]);
+        let shares = threads::run(3, |ranks| shares_of_what_is_left(ranks, left)).unwrap();
+        assert_eq!(shares, [[200; 3]; 3]);
     }
 
     #[test]
     fn more_rings_than_ranks_make_no_sense() {
-        assert!(check(&arguments(RingsChoice::Number(3), None), 3).is_ok());
-        assert!(check(&arguments(RingsChoice::Number(2), None), 1).is_err_and(|f| f.code() == 2));
-        assert!(check(&arguments(RingsChoice::Auto, None), 1).is_ok());
+        assert!(check(&arguments(RingsChoice::Number(3), &[]), 3).is_ok());
+        assert!(check(&arguments(RingsChoice::Number(2), &[]), 1).is_err_and(|f| f.code() == 2));
+        assert!(check(&arguments(RingsChoice::Auto, &[]), 1).is_ok());
+        assert!(check(&arguments(RingsChoice::Auto, &[1, 2, 3]), 3).is_ok());
+        assert!(check(&arguments(RingsChoice::Auto, &[1, 2, 3]), 2).is_err_and(|f| f.code() == 2));
     }
 }

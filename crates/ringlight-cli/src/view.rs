@@ -36,7 +36,7 @@ fn solution(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
         return Err(Failure::Usage("a solution that is shown is not written again; use ringlight export".into()));
     }
     let signals = Signals::listen().context("signals cannot be listened to")?;
-    let host = Host::find(ranks, None, arguments.spread.memory_per_rank.is_some())?;
+    let host = Host::find(ranks, None, arguments.spread.is_bounded())?;
     let solution = reading::solution(ranks, &host, &arguments.scene, None)?;
     let Some(mut showing) = Showing::open(&arguments.running.view, ranks.rank() == 0)? else { return Ok(End::Done) };
     if let Some(invitation) = showing.invitation() {

@@ -209,7 +209,7 @@ fn the_report_holds_what_scripts_rely_on() {
     }
     for (part, keys) in [
         ("scene", "triangles patches elements objects lights skipped"),
-        ("solve", "shots rays masks masks_without_rays unshot_share stop_reason"),
+        ("solve", "shots rays masks masks_without_rays rays_saved unshot_share stop_reason"),
         ("seconds", "load mesh build solve write total"),
         ("energy", "emitted absorbed absorbed_by_backs escaped unshot closure_error"),
     ] {

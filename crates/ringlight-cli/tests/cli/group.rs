@@ -64,9 +64,8 @@ fn adaptive_elements_do_not_depend_on_where_they_are_found() {
     workshop.ringlight(&format!("{BAKE} -o a.ringlight --adapt 6")).assert().code(2);
 }
 
-/// Two rooms, of which one is lit and has a table: elements become small there alone, and are dealt out anew.
-#[test]
-fn adaptive_elements_of_a_half_lit_scene_are_dealt_out_evenly() {
+/// Two rooms, of which one is lit and has a table: elements become small there alone.
+fn half_lit() -> Workshop {
     let workshop = Workshop::new();
     workshop.put("half.mtl", "newmtl grey\nKd 0.5 0.5 0.5\nnewmtl lamp\nKe 20 20 20\n");
     let corners = |[a, b, c]: [f64; 3], [d, e, f]: [f64; 3]| {
@@ -81,15 +80,51 @@ fn adaptive_elements_of_a_half_lit_scene_are_dealt_out_evenly() {
     }
     obj += &(corners([1.0, 1.0, 2.2], [2.5, 2.9, 3.0]) + "f -8 -7 -6 -5\nusemtl lamp\nf -4 -3 -2 -1\n");
     workshop.put("half.obj", obj);
-    let bake = "bake half.obj --element-size 0.2 --patch-size 0.4 --error 0.02 --adapt 2 -o half.ringlight --force";
-    workshop.ringlight(&format!("{bake} --ranks 4 --report half.json")).assert().code(0);
-    let report = workshop.json("half.json");
-    let of_ranks: Vec<f64> =
-        report["ranks"].as_array().unwrap().iter().map(|rank| rank["elements"].as_f64().unwrap()).collect();
-    let (most, all) = (of_ranks.iter().copied().fold(0.0, f64::max), of_ranks.iter().sum::<f64>());
-    assert_eq!((of_ranks.len(), all), (4, report["scene"]["elements"].as_f64().unwrap()));
-    println!("{of_ranks:?}");
-    assert!(all > 20_000.0 && most <= 1.1 * all / 4.0, "{of_ranks:?}");
+    workshop
+}
+
+const HALF_LIT: &str = "half.obj --element-size 0.2 --patch-size 0.4 --error 0.02";
+
+/// Elements of each rank.
+fn of_ranks(report: &serde_json::Value) -> Vec<f64> {
+    report["ranks"].as_array().unwrap().iter().map(|rank| rank["elements"].as_f64().unwrap()).collect()
+}
+
+#[test]
+fn adaptive_elements_of_a_half_lit_scene_are_dealt_out_anew_by_load_and_by_memory() {
+    let workshop = half_lit();
+    let bake = |more: &str| {
+        let bake = format!("bake {HALF_LIT} --adapt 2 --ranks 4 -o half.ringlight --force --report half.json {more}");
+        workshop.ringlight(&bake).assert().code(0);
+        (workshop.json("half.json"), workshop.bytes("half.ringlight"))
+    };
+    let (report, solution) = bake("");
+    let (even, all) = (of_ranks(&report), report["scene"]["elements"].as_f64().unwrap());
+    assert_eq!((even.len(), even.iter().sum::<f64>()), (4, all));
+    assert!(all > 10_000.0 && even.iter().all(|&most| most <= 1.1 * all / 4.0), "{even:?}");
+    // Of what one of four owns, a third is too much for the second.
+    let (report, same) = bake("--rings 4 --memory-per-rank 1GiB,14MiB,1GiB,1GiB");
+    let uneven = of_ranks(&report);
+    println!("{even:?}, {uneven:?}");
+    assert!(same == solution && uneven.iter().sum::<f64>() == all);
+    assert!(uneven[1] < 0.8 * all / 4.0 && [0, 2, 3].iter().all(|&r| uneven[r] <= 1.1 * (all - uneven[1]) / 3.0));
+}
+
+#[test]
+fn where_smaller_elements_do_not_fit_they_stay_as_they_are() {
+    let workshop = half_lit();
+    workshop.ringlight(&format!("bake {HALF_LIT} -o even.ringlight")).assert().code(0);
+    let inspection = workshop.ringlight(&format!("inspect {HALF_LIT} --rays-per-second 1e6 --json")).assert().code(0);
+    let inspection: serde_json::Value = serde_json::from_slice(&inspection.get_output().stdout).unwrap();
+    let memory = inspection["memory_per_rank"].as_array().unwrap();
+    let two = memory.iter().find(|memory| memory["ranks"] == 2 && memory["rings"] == 2).unwrap();
+    let enough = 1.01 * two["bytes"].as_f64().unwrap();
+    let bake = format!("bake {HALF_LIT} --adapt 2 --ranks 2 --rings 2 --memory-per-rank {enough}B -o same.ringlight");
+    let told = contains("elements do not become smaller").and(contains("each rank needs about"));
+    workshop.ringlight(&format!("{bake} --report same.json")).assert().code(4).stderr(told);
+    assert!(workshop.bytes("same.ringlight") == workshop.bytes("even.ringlight"));
+    let report = workshop.json("same.json");
+    assert_eq!([&report["solve"]["stop_reason"], &report["settings"]["adapt"]], [&json!("memory"), &json!(0)]);
 }
 
 #[test]

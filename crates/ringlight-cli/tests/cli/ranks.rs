@@ -19,6 +19,7 @@ fn ways_to_run_that_make_no_sense_are_usage_errors() {
         "--packet-size 0",
         "--memory-per-rank 5",
         "--memory-per-rank 0GiB",
+        "--ranks 3 --memory-per-rank 1GiB,2GiB",
         "--shards dense",
         "--routing none",
     ] {

@@ -58,27 +58,42 @@ impl Demand {
         Demand { packets: most * POINT, rays: most * RAY, walks: most * WALK, outline: boxes as u64 * BOX, ..self }
     }
 
-    /// What the rank needs that needs most: a member of the ring that has the fewest.
+    /// What the rank needs that needs most, a member of the ring that has the fewest, if all own as much.
     pub fn of_a_rank(&self, rings: Rings) -> u64 {
+        let [before, beside] = self.of_rings(rings);
+        before.max(beside + self.owned.div_ceil(rings.ranks() as u64))
+    }
+
+    /// What such a rank needs before it owns anything, and beside what it owns.
+    fn of_rings(&self, rings: Rings) -> [u64; 2] {
         let ranks = rings.ranks() as u64;
         let triangles = most_held(self.triangles, rings.ranks() / rings.rings());
         let [held, building, moved] = [self.held, self.building, self.moved].map(|bytes| bytes * triangles);
-        let owned = self.owned.div_ceil(ranks);
-        let most = if rings.rings() == rings.ranks() {
+        let needs = if rings.rings() == rings.ranks() {
             // Built once, when nothing is owned yet; pictures want the geometry to the end.
-            held + building.max(owned + self.writing.max(self.saving))
+            [held + building, held + self.writing.max(self.saving)]
         } else {
             let members = ranks.div_ceil(rings.rings() as u64);
             let looking = self.walks + members * (self.rays + self.outline);
             let solving = members * (self.packets + self.outline) + self.saving.max(building + moved);
-            (held + looking.max(owned + solving)).max(owned + self.writing)
+            [held + looking, (held + solving).max(self.writing)]
         };
-        self.everywhere + most
+        needs.map(|bytes| self.everywhere + bytes)
     }
 
-    /// The largest number of rings with which no rank needs more than `available`: more rings mean fewer stops.
-    pub fn most_rings(&self, ranks: usize, available: u64) -> Option<Rings> {
-        let fits = |rings: &Rings| self.of_a_rank(*rings) <= available;
+    /// Of what all own together, for how many bytes each rank has room, if `available` is what it may use. None if that is too
+    /// little.
+    pub fn rooms(&self, rings: Rings, available: &[u64]) -> Option<Vec<u64>> {
+        let [before, beside] = self.of_rings(rings);
+        let room = |&bytes: &u64| if bytes < before { None } else { bytes.checked_sub(beside) };
+        let rooms: Vec<u64> = available.iter().map(room).collect::<Option<_>>()?;
+        (rooms.iter().fold(0, |sum: u64, &room| sum.saturating_add(room)) >= self.owned).then_some(rooms)
+    }
+
+    /// The largest number of rings with which no rank needs more than is `available` to it: more rings mean fewer stops.
+    pub fn most_rings(&self, available: &[u64]) -> Option<Rings> {
+        let ranks = available.len();
+        let fits = |rings: &Rings| self.rooms(*rings, available).is_some();
         (1..=ranks).rev().filter_map(|rings| Rings::new(ranks, rings)).find(fits)
     }
 
@@ -143,6 +158,20 @@ mod tests {
         assert_eq!(lit, (1 << 38) + 4 * (16 * 200 * 24 + 8 * 28));
     }
 
+    #[test]
+    fn who_has_less_memory_owns_less() {
+        let one = Rings::one(4);
+        let [before, beside] = DEMAND.of_rings(one);
+        let most = before.max(beside + 200);
+        assert_eq!(DEMAND.rooms(one, &[most; 4]).unwrap(), [most - beside; 4]);
+        assert!(DEMAND.rooms(one, &[most, most, before - 1, most + 1000]).is_none());
+        let roomy = Demand { building: 0, ..DEMAND };
+        let [_, beside] = roomy.of_rings(one);
+        let available = [400, 50, 300, 50].map(|room| beside + room);
+        assert_eq!(roomy.rooms(one, &available).unwrap(), [400, 50, 300, 50]);
+        assert!(roomy.rooms(one, &available.map(|bytes| bytes - 1)).is_none());
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -153,7 +182,7 @@ mod tests {
         ) {
             let demand = Demand { everywhere, owned, triangles, held, building, ..Demand::default() };
             let fits = |rings: Rings| demand.of_a_rank(rings) <= available;
-            match demand.most_rings(ranks, available) {
+            match demand.most_rings(&vec![available; ranks]) {
                 Some(rings) => {
                     prop_assert!(fits(rings));
                     let more = rings.rings() + 1..=ranks;

@@ -6,13 +6,18 @@ use std::ops::Range;
 
 /// The owner of each cluster, pseudo-random by the cluster's number: neighbours, which tend to be lit or dark together,
 /// go to different ranks. Balanced by `elements`, the number of elements of each cluster: largest clusters first, each
-/// to the rank that has least (Graham 1969), so that no two ranks differ by more than one cluster.
-pub fn owners(elements: &[u64], ranks: usize) -> Vec<u32> {
+/// to the rank that has least (Graham 1969), so that no two ranks differ by more than one cluster, unless there is no room for it:
+/// `rooms` are the most elements that each rank may have. The last that has room takes what no rank has room for.
+pub fn owners(elements: &[u64], rooms: &[u64]) -> Vec<u32> {
     let mut order: Vec<usize> = (0..elements.len()).collect();
     order.sort_unstable_by_key(|&c| (Reverse(elements[c]), scatter(c as u64)));
-    let mut loads: BinaryHeap<Reverse<(u64, u32)>> = (0..ranks as u32).map(|rank| Reverse((0, rank))).collect();
+    let mut loads: BinaryHeap<Reverse<(u64, u32)>> = (0..rooms.len() as u32).map(|rank| Reverse((0, rank))).collect();
     let mut owners = vec![0; elements.len()];
     for cluster in order {
+        let full = |&Reverse((load, rank)): &Reverse<(u64, u32)>| load + elements[cluster] > rooms[rank as usize];
+        while loads.len() > 1 && loads.peek().is_some_and(full) {
+            loads.pop();
+        }
         let Some(mut least) = loads.peek_mut() else { break };
         let Reverse((load, rank)) = &mut *least;
         owners[cluster] = *rank;
@@ -78,7 +83,7 @@ mod tests {
 
         #[test]
         fn ownership_is_balanced(sizes in prop::collection::vec(1u64..200, 1..3000), ranks in 1usize..40) {
-            let owners = owners(&sizes, ranks);
+            let owners = owners(&sizes, &vec![u64::MAX; ranks]);
             let mut loads = vec![0u64; ranks];
             owners.iter().zip(&sizes).for_each(|(&rank, size)| loads[rank as usize] += size);
             let (least, most) = (loads.iter().min().unwrap(), loads.iter().max().unwrap());
@@ -87,6 +92,21 @@ mod tests {
                 let mean = sizes.iter().sum::<u64>() as f64 / ranks as f64;
                 prop_assert!(*most as f64 <= 1.02 * mean, "{} of {}", most, mean);
             }
+        }
+
+        #[test]
+        fn rooms_are_kept_and_the_rest_is_balanced(
+            sizes in prop::collection::vec(1u64..200, 1000..3000), ranks in 2usize..9, part in 0.0..0.9,
+        ) {
+            let (total, largest) = (sizes.iter().sum::<u64>(), *sizes.iter().max().unwrap());
+            let small = (part * total as f64 / ranks as f64) as u64;
+            let rooms: Vec<u64> = (0..ranks).map(|rank| if rank == 1 { small } else { u64::MAX }).collect();
+            let owners = owners(&sizes, &rooms);
+            let load = |rank: usize| owners.iter().zip(&sizes).filter(|(o, _)| **o as usize == rank).map(|(_, s)| s).sum();
+            let loads: Vec<u64> = (0..ranks).map(load).collect();
+            prop_assert!(loads[1] <= small && loads[1] + largest > small);
+            let others = || (0..ranks).filter(|&rank| rank != 1).map(|rank| loads[rank]);
+            prop_assert!(others().max().unwrap() - others().min().unwrap() <= largest);
         }
 
         #[test]
@@ -110,7 +130,7 @@ mod tests {
     /// Runs of neighbours on one rank would be rare if ranks were drawn at random: one in `ranks`.
     #[test]
     fn neighbours_are_scattered() {
-        let owners = owners(&[64; 10_000], 8);
+        let owners = owners(&[64; 10_000], &[u64::MAX; 8]);
         let together = owners.windows(2).filter(|pair| pair[0] == pair[1]).count();
         assert!((1000..1500).contains(&together), "{together} of 9999 neighbours, 1250 expected");
     }
@@ -119,7 +139,7 @@ mod tests {
     #[test]
     fn uneven_clusters_are_balanced_too() {
         let sizes: Vec<u64> = (0..1000u64).map(|i| if i % 10 == 0 { 640 } else { 64 - i % 40 }).collect();
-        let owners = owners(&sizes, 8);
+        let owners = owners(&sizes, &[u64::MAX; 8]);
         let load = |rank| owners.iter().zip(&sizes).filter(|(o, _)| **o == rank).map(|(_, s)| s).sum::<u64>();
         let most = (0..8).map(load).max().unwrap();
         assert!(most as f64 <= 1.02 * (sizes.iter().sum::<u64>() as f64 / 8.0), "{most}");

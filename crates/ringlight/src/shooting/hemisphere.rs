@@ -21,25 +21,36 @@ pub struct Glance<'a> {
     pub seen: Vec<(u32, f32)>,
 }
 
-/// Direction `number` of `count` about a unit normal: points of a disc along a spiral that turns by the golden ratio (Vogel
-/// 1979), lifted to the hemisphere (Malley), so that each stands for as much irradiance. No line holds more than a few of them:
-/// no edge of a surface, however it lies, is crossed by many at once.
-fn direction(normal: DVec3, number: u32, count: u32) -> DVec3 {
+/// Direction `number` of `count`: points of a disc along a spiral that turns by the golden ratio (Vogel 1979). No line holds more
+/// than a few of them: no edge of a surface, however it lies, is crossed by many at once.
+fn spiral(number: u32, count: u32) -> (f64, f64) {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
-    let share = (f64::from(number) + 0.5) / f64::from(count);
-    let (sine, cosine) = sine_cosine((f64::from(number) * GOLDEN).fract());
+    ((f64::from(number) + 0.5) / f64::from(count), (f64::from(number) * GOLDEN).fract())
+}
+
+/// The direction about a unit normal above a point of the unit disc, of which `share` lies nearer to the middle and which is
+/// turned by `turn` (Malley): where these are even, each direction stands for as much irradiance.
+fn direction(normal: DVec3, (share, turn): (f64, f64)) -> DVec3 {
+    let (sine, cosine) = sine_cosine(turn);
     let (t, u) = normal.any_orthonormal_pair();
     share.sqrt() * (cosine * t + sine * u) + (1.0 - share).sqrt() * normal
 }
 
 impl<'a> Glance<'a> {
-    /// Number `number` of `count` from a point of a plane whose lit side has this normal.
-    pub fn new(mesh: &'a Mesh, point: DVec3, (normal, plane): (DVec3, u32), (number, count): (u32, u32)) -> Glance<'a> {
+    /// Number `number` of `count` from a point of a plane whose lit side has this normal, each of which stands for as much
+    /// of what arrives there.
+    pub fn new(mesh: &'a Mesh, point: DVec3, side: (DVec3, u32), (number, count): (u32, u32)) -> Glance<'a> {
+        Glance::along(mesh, point, side, spiral(number, count))
+    }
+
+    /// From a point of a plane whose lit side has this normal, in the direction above a point of the unit disc, of which the first of
+    /// two shares lies nearer to the middle and which is turned by the second: evenly spread ones send and receive as much.
+    pub fn along(mesh: &'a Mesh, point: DVec3, (normal, plane): (DVec3, u32), disc: (f64, f64)) -> Glance<'a> {
         // Just above the surface, lest rounding lets a flat ray pass under a neighbour's edge.
         let origin = point + RELATIVE_TOLERANCE * mesh.diagonal * normal;
         let ray = Ray {
             origin: origin.as_vec3().to_array(),
-            direction: direction(normal, number, count).as_vec3().to_array(),
+            direction: direction(normal, disc).as_vec3().to_array(),
             near: 0.0,
             far: f32::INFINITY,
             plane,
@@ -86,7 +97,7 @@ mod tests {
     fn directions_stand_for_equal_shares_of_irradiance() {
         let normal = DVec3::new(0.6, 0.0, -0.8);
         let count = 500;
-        let all: Vec<DVec3> = (0..count).map(|i| direction(normal, i, count)).collect();
+        let all: Vec<DVec3> = (0..count).map(|i| direction(normal, spiral(i, count))).collect();
         assert!(all.iter().all(|d| (d.length() - 1.0).abs() < 1e-12 && d.dot(normal) > 0.0));
         // Within any cone about the normal there are as many as its projected area says, and their sum is along it.
         for share in [0.1, 0.5, 0.9] {

@@ -59,6 +59,10 @@ pub struct Piece {
 pub struct ShooterTree {
     /// All nodes.
     pub nodes: Vec<Node>,
+    /// For each node the end of the nodes below it: these are its children, and those that follow them up to the end.
+    ends: Vec<u32>,
+    /// For each node within a facet's side that of the side, else the node itself.
+    pub sides: Vec<u32>,
 }
 
 /// A facet's side on its way into the tree.
@@ -86,11 +90,33 @@ impl ShooterTree {
                 items.push(Item { side: (number, true), place: [middle, -normal] });
             }
         }
-        let mut tree = ShooterTree { nodes: vec![placeholder()] };
+        let mut tree = ShooterTree { nodes: vec![placeholder()], ..ShooterTree::default() };
         if !items.is_empty() {
             tree.group(mesh, 0, &mut items);
         }
+        tree.find_ends_and_sides();
         tree
+    }
+
+    fn find_ends_and_sides(&mut self) {
+        let count = self.nodes.len() as u32;
+        (self.ends, self.sides) = ((1..=count).collect(), (0..count).collect());
+        for (i, node) in self.nodes.iter().enumerate().rev() {
+            let below = node.children.clone().map(|child| self.ends[child as usize]);
+            self.ends[i] = below.fold(self.ends[i], u32::max);
+        }
+        for (i, node) in self.nodes.iter().enumerate() {
+            if matches!(node.kind, Kind::Piece(_)) {
+                let side = self.sides[i];
+                node.children.clone().for_each(|child| self.sides[child as usize] = side);
+            }
+        }
+    }
+
+    /// All nodes below one.
+    pub fn below(&self, node: u32) -> Range<u32> {
+        let children = self.nodes[node as usize].children.clone();
+        if children.is_empty() { children } else { children.start..self.ends[node as usize] }
     }
 
     /// Makes node `number` of some items.
@@ -339,14 +365,17 @@ mod tests {
             let mesh = &solution.mesh;
             let tree = ShooterTree::new(mesh);
             let mut found = vec![0; mesh.element_count()];
-            for node in &tree.nodes {
+            for (number, node) in (0..).zip(&tree.nodes) {
                 if let Kind::Piece(piece @ Piece { element: Some(element), .. }) = node.kind {
                     found[element as usize] += 1;
                     let patch = mesh.patch(mesh.patch_of(element));
                     let area = patch.element_area(element - patch.first_element);
                     assert!((piece.patch(mesh).area / area - 1.0).abs() < 1e-9);
                 }
-                for child in &tree.nodes[node.children.start as usize..node.children.end as usize] {
+                for child in node.children.clone() {
+                    let (below, inner) = (tree.below(number), tree.below(child));
+                    assert!(below.contains(&child) && inner.clone().all(|n| below.contains(&n)));
+                    let child = &tree.nodes[child as usize];
                     assert!(node.low.cmple(child.low).all() && node.high.cmpge(child.high).all());
                 }
             }

@@ -64,7 +64,7 @@ fn bytes(solution: &Solution) -> Vec<u8> {
 /// The clusters that a rank owns.
 fn own(mesh: &Mesh, rank: usize, ranks: usize) -> Vec<u32> {
     let sizes: Vec<u64> = mesh.clusters.iter().map(|c| c.elements.len() as u64).collect();
-    let owners = owners(&sizes, ranks);
+    let owners = owners(&sizes, &vec![u64::MAX; ranks]);
     (0..owners.len() as u32).filter(|&c| owners[c as usize] as usize == rank).collect()
 }
 

@@ -100,11 +100,12 @@ impl Summary {
 }
 
 /// Reasons to stop by their number on the way.
-const REASONS: [Option<StopReason>; 8] = [
+const REASONS: [Option<StopReason>; 9] = [
     None,
     Some(StopReason::Converged),
     Some(StopReason::NothingLeft),
     Some(StopReason::MaxShots),
+    Some(StopReason::Memory),
     Some(StopReason::Stopped),
     Some(StopReason::TimeLimit),
     Some(StopReason::Interrupted),

@@ -82,6 +82,8 @@ pub enum StopReason {
     NothingLeft,
     /// The number of shots is reached.
     MaxShots,
+    /// There was no memory for smaller elements.
+    Memory,
     /// The observer asked for it: whoever watches finds it good enough.
     Stopped,
     /// The observer asked for it: time limit.

@@ -75,20 +75,20 @@ impl<'a> Ring<'a> {
 
     /// Of rank `rank`: builds the hierarchy over its shard.
     pub fn new(mesh: &'a Mesh, spread: &Spread, rank: usize) -> Ring<'a> {
-        Ring::with(mesh, spread, rank, None, Box::new(|| 0.0))
+        Ring::with(mesh, spread, Share::new(mesh, rank, spread.rings.ranks()), None, Box::new(|| 0.0))
     }
 
-    /// Of rank `rank`, with the hierarchy over its shard if that has been built before, see [`Ring::hierarchy`]. The load is
-    /// balanced by a clock; it changes no result.
+    /// Of the rank that has this share, with the hierarchy over its shard if that has been built before, see [`Ring::hierarchy`].
+    /// The load is balanced by a clock; it changes no result.
     pub fn with(
         mesh: &'a Mesh,
         spread: &Spread,
-        rank: usize,
+        share: Share,
         hierarchy: Option<Arc<Hierarchy>>,
         clock: Clock,
     ) -> Ring<'a> {
+        let (rank, share) = (share.rank, Arc::new(share));
         let members = spread.rings.members(spread.rings.ring_of(rank));
-        let share = Arc::new(Share::new(mesh, rank, spread.rings.ranks()));
         let geometry = if members.len() == 1 {
             Geometry::Here(hierarchy.unwrap_or_else(|| Arc::new(mesh::hierarchy(mesh))))
         } else {

@@ -15,10 +15,15 @@ pub struct Share {
 }
 
 impl Share {
-    /// Of rank `rank` of `ranks`.
+    /// Of rank `rank` of `ranks`, all of which own as much.
     pub fn new(mesh: &Mesh, rank: usize, ranks: usize) -> Share {
+        Share::within(mesh, rank, &vec![u64::MAX; ranks])
+    }
+
+    /// Of rank `rank`, where each has room for so many elements: all own as much, but for those that have less room.
+    pub fn within(mesh: &Mesh, rank: usize, rooms: &[u64]) -> Share {
         let elements: Vec<u64> = mesh.clusters.iter().map(|c| c.elements.len() as u64).collect();
-        let owners = owners(&elements, ranks);
+        let owners = owners(&elements, rooms);
         let own = (0..owners.len() as u32).filter(|&c| owners[c as usize] as usize == rank).collect();
         Share { rank, owners, own }
     }

@@ -6,6 +6,7 @@
 //! alike, lit or hidden, is taken from those cells; what shadows cross is opened, and its parts shine from cells of their own.
 
 use super::passes::Arrived;
+use super::reach::Reached;
 use crate::mesh::{Inquiry, Mesh};
 use crate::shooting::{
     FarCells, FarWork, Kind, Node, Radiosity, Receivers, Share, ShooterTree, TreeLight, Work, direction, distance,
@@ -88,6 +89,7 @@ enum Seen {
 struct Cutting<'a> {
     cut: &'a Cut<'a>,
     receivers: &'a Receivers,
+    reached: Reached<'a>,
     inquiry: &'a Inquiry<'a>,
     /// Error that all together may make, W/m² or lux.
     allowed: f32,
@@ -106,17 +108,18 @@ struct Cutting<'a> {
 }
 
 impl Cut<'_> {
-    /// What some receivers get, whose elements are numbered from `first`; their light is `own` at least.
+    /// What some receivers get, whose elements are numbered from `first`, and which these lamps reach; their light is `own` at least.
     pub async fn light(
         &self,
         receivers: &Receivers,
-        first: u32,
-        own: f32,
+        (first, own): (u32, f32),
+        reached: Reached<'_>,
         inquiry: &Inquiry<'_>,
     ) -> (Vec<Arrived>, Tally) {
         let mut cutting = Cutting {
             cut: self,
             receivers,
+            reached,
             inquiry,
             allowed: self.allowed * own,
             partly: BinaryHeap::new(),
@@ -173,6 +176,19 @@ impl Cut<'_> {
     }
 }
 
+impl Cut<'_> {
+    /// About how much light comes from a node that is in full view.
+    fn in_view(&self, receivers: &Receivers, number: u32) -> f32 {
+        let node = &self.tree.nodes[number as usize];
+        let Some((towards, away)) = direction((receivers.low + receivers.high) / 2.0, node.middle()) else { return 0.0 };
+        // Normals that point anywhere show a quarter of their area each way.
+        let alike = node.cosine.max(0.0);
+        let leaving = alike * node.axis.dot(-towards).max(0.0) + (1.0 - alike) / 4.0;
+        let apart = away * away + (receivers.high - receivers.low).length_squared() / 4.0 + node.radius() * node.radius();
+        self.light.power(self.tree, number) * receivers.axis.dot(towards).max(0.0) * leaving / (PI * apart)
+    }
+}
+
 impl Cutting<'_> {
     /// Whether all together may be wrong by no more than is allowed.
     fn is_good(&self) -> bool {
@@ -183,6 +199,11 @@ impl Cutting<'_> {
     /// Adds a node, or those of its parts that give light.
     fn add(&mut self, number: u32) {
         let Some(estimate) = self.cut.estimate(self.receivers, number) else { return };
+        let most = self.reached.most(self.cut.tree, number, self.cut.in_view(self.receivers, number));
+        if most == 0.0 {
+            return;
+        }
+        let estimate = estimate.min(most);
         let node = &self.cut.tree.nodes[number as usize];
         if is_near(self.receivers, node) {
             return node.children.clone().for_each(|child| self.add(child));

@@ -13,6 +13,7 @@
 
 mod cut;
 mod passes;
+mod reach;
 mod rows;
 
 use super::choice::Summary;
@@ -20,11 +21,12 @@ use super::plain::Audits;
 use super::{Observer, Progress, Ring, State, StopReason, World};
 use crate::mesh::Inquiry;
 use crate::quantity::Rgb;
-use crate::shooting::{self, ClusterLight, Faces, Field, Receivers, Shoot, ShooterTree, TreeLight};
+use crate::shooting::{self, ClusterLight, Faces, Field, Radiosity, Receivers, Shoot, ShooterTree, TreeLight};
 use crate::transport::{Communicator, Failure};
 use cut::Cut;
 use passes::{Arrived, Exchange};
 use rayon::prelude::*;
+use reach::Reach;
 use ringlight_visibility::Tally;
 use rows::{Around, Rows};
 use std::sync::Arc;
@@ -55,11 +57,22 @@ pub fn usual_rays(error: f64) -> [f64; ROUNDS.len()] {
     std::array::from_fn(|round| f64::from(rows::usual_rays(ROUNDS[round] * error as f32)) + f64::from(rough(round)))
 }
 
+/// What emits.
+struct Lamps {
+    tree: ShooterTree,
+    /// What its nodes emit.
+    light: TreeLight,
+    /// What elements emit.
+    elements: Vec<Radiosity>,
+    /// Where it goes.
+    reach: Reach,
+}
+
 /// What lasts over the rounds.
 struct Solving<'w, 'a, 'o> {
     world: &'w World<'a>,
     exchange: Exchange<'w>,
-    tree: Arc<ShooterTree>,
+    lamps: Arc<Lamps>,
     faces: Arc<Faces>,
     /// What own clusters receive of lamps without surface.
     direct: Vec<ClusterLight>,
@@ -81,9 +94,14 @@ pub fn group(
     let direct = shoot_emitters(world, ring, state, ranks)?;
     let exchange = Exchange::new(mesh, &world.share);
     let mut received = exchange.all(ranks, if state.rounds > 0 { &state.clusters } else { &direct })?;
-    let tree = Arc::new(ShooterTree::new(mesh));
+    let tree = ShooterTree::new(mesh);
+    let elements = passes::radiosities(mesh, &vec![[0.0; 3]; mesh.element_count()]);
+    let light = TreeLight::new(&tree, &elements);
+    let mut tally = Tally::default();
+    let reach = Reach::new((&tree, &light), error as f32, (ring, &world.share), ranks, &mut tally)?;
+    let lamps = Arc::new(Lamps { tree, light, elements, reach });
     let faces = Arc::new(Faces::new(mesh));
-    let mut solving = Solving { world, exchange, tree, faces, direct, tally: Tally::default(), observer };
+    let mut solving = Solving { world, exchange, lamps, faces, direct, tally, observer };
     for round in state.rounds as usize..ROUNDS.len() {
         if let (Some(reason), progress) = solving.round(ring, state, (round, error as f32), &mut received, ranks)? {
             return Ok((reason, progress));
@@ -130,15 +148,14 @@ impl Solving<'_, '_, '_> {
         received: &mut Vec<Rgb>,
         ranks: &mut Communicator<'_>,
     ) -> Result<(Option<StopReason>, Progress), Failure> {
-        let (mesh, tree, faces) = (self.world.mesh, self.tree.clone(), self.faces.clone());
+        let (mesh, lamps, faces) = (self.world.mesh, self.lamps.clone(), self.faces.clone());
         let work = usual_rays(f64::from(error));
         let error = ROUNDS[round] * error;
         let floor = passes::floor(mesh, received);
         // While nothing is known of light that is reflected, all may have some.
         let guess = if round == 0 { floor.guess } else { 0.0 };
-        let emission = passes::radiosities(mesh, &vec![[0.0; 3]; received.len()]);
-        let light = TreeLight::new(&tree, &emission);
-        let cut = Cut { mesh, tree: &tree, light: &light, elements: &emission, allowed: error * OF_LAMPS[round] };
+        let Lamps { tree, light, elements, reach } = &*lamps;
+        let cut = Cut { mesh, tree, light, elements, allowed: error * OF_LAMPS[round] };
         let known = if round == 0 { Vec::new() } else { passes::reflected(&passes::returned(mesh), received) };
         let around = Around { mesh, faces: &faces, reflected: &known, error };
         let own_light = |receivers: &Receivers, first: u32| {
@@ -162,15 +179,16 @@ impl Solving<'_, '_, '_> {
             let clusters = part * own.len() / PARTS..(part + 1) * own.len() / PARTS;
             let all = clusters.flat_map(|place| {
                 let cluster = &mesh.clusters[own[place] as usize];
-                let first = cluster.elements.start;
-                Receivers::of(mesh, &faces, cluster).into_iter().map(move |receivers| (first, receivers))
+                let receivers = Receivers::of(mesh, &faces, cluster);
+                receivers.into_iter().map(move |receivers| (own[place], cluster.elements.start, receivers))
             });
-            let wanted = all.filter(|(first, receivers)| sees(receivers, *first)).enumerate();
-            let task = |(number, (first, receivers)): (usize, (u32, Receivers)), inquiry: Inquiry<'r>| {
+            let wanted = all.filter(|(_, first, receivers)| sees(receivers, *first)).enumerate();
+            let task = |(number, (cluster, first, receivers)), inquiry: Inquiry<'r>| {
                 let (cut, around, own_light) = (&cut, &around, &own_light);
                 async move {
                     let own = own_light(&receivers, first);
-                    let (lamps, rays) = cut.light(&receivers, first, own, &inquiry).await;
+                    let reached = reach.of(cluster);
+                    let (lamps, rays) = cut.light(&receivers, (first, own), reached, &inquiry).await;
                     let (rows, more) = around.rows(&receivers, first, own, &inquiry).await;
                     (number, lamps, rows, rays.join(more))
                 }
