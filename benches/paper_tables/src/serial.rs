@@ -49,7 +49,7 @@ impl<'a> SerialRing<'a> {
     /// Ring number `ring`, of which the members hold the office's pieces as told.
     pub fn new(office: &'a Office, rings: Rings, ranks: usize, ring: usize, holders: &[u32], routing: Routing) -> Self {
         let sizes: Vec<u64> = office.mesh.clusters.iter().map(|c| c.elements.len() as u64).collect();
-        let owners = owners(&sizes, ranks);
+        let owners = owners(&sizes, &vec![u64::MAX; ranks]);
         let own_of = |rank: usize| {
             let own = (0..sizes.len()).filter(|&c| owners[c] as usize == rank);
             own.map(|c| (c, ClusterLight::new(&office.mesh, c))).collect()

@@ -33,19 +33,20 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     let made = if host.leads() { Some(make(&mut run, arguments, host.store(), settings.sky)?) } else { None };
     let (made, scene) = made.unzip();
     let mut made = run.share(&host, made)?;
-    run.choose_rings(&host, &made.mesh, &settings)?.map_err(anyhow::Error::msg)?;
+    run.choose_rings(&host, &made.mesh, &settings).map_err(anyhow::Error::msg)?;
     let (fineness, rough) = adapt::plan(arguments, settings);
     let (mut level, mut full) = (0, false);
-    let (mut solved, settings, hierarchy) = loop {
+    let (mut solved, solved_with, hierarchy) = loop {
         let last = level == fineness.levels || full;
-        let settings = if last { settings } else { rough };
-        let (solved, hierarchy) = light(&mut run, &host, &mut made, settings, arguments)?;
+        let now = if last { settings } else { rough };
+        let (solved, hierarchy) = light(&mut run, &host, &mut made, now, arguments)?;
         if last || solved.reason != StopReason::Converged {
-            break (solved, settings, hierarchy);
+            break (solved, now, hierarchy);
         }
         let coarser;
-        (coarser, made) = run.adapt((&host, arguments), (made, scene.as_ref()), (settings, solved), &fineness)?;
-        match run.choose_rings(&host, &made.mesh, &settings)? {
+        (coarser, made) = run.adapt((&host, arguments), (made, scene.as_ref()), (now, solved), &fineness)?;
+        // The last solve, which nobody refines any more, needs most.
+        match run.choose_rings(&host, &made.mesh, &settings) {
             Ok(()) => level += 1,
             // What is split does not depend on memory: all that light asks for, or nothing.
             Err(lacking) => {
@@ -57,14 +58,14 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     if full && solved.reason == StopReason::Converged {
         solved.reason = StopReason::Memory;
     }
-    let mut reported = method::reported(&settings, &made.mesh, &arguments.stop);
+    let mut reported = method::reported(&solved_with, &made.mesh, &arguments.stop);
     reported.insert("adapt".into(), level.into());
     let quality = arguments.sizes.quality;
     reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());
     if let Some(unit) = arguments.sizes.unit {
         reported.insert("unit".into(), format!("{unit:?}").to_lowercase().into());
     }
-    let baked = Baked { made, settings, solved };
+    let baked = Baked { made, settings: solved_with, solved };
     run.finish(baked, (&arguments.targets, &arguments.display), &host, hierarchy, reported)
 }
 

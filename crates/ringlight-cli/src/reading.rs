@@ -112,7 +112,11 @@ pub fn ring<'m>(
 ) -> Result<Ring<'m>, Failure> {
     let bounded = ranks.size() > 1 || arguments.is_bounded();
     let rings = match bounded {
-        true => spread::choose(arguments, Counts::of(mesh).demand(MeshPlace::Files, 1), ranks)?.map_err(anyhow::Error::msg)?.rings,
+        true => {
+            let available = spread::available(arguments, ranks)?;
+            let demand = Counts::of(mesh).demand(MeshPlace::Files, 1);
+            spread::choose(arguments, demand, &available).map_err(anyhow::Error::msg)?.rings
+        }
         false => Rings::one(1),
     };
     Ok(Ring::new(mesh, &spread::spread(arguments, rings), ranks.rank()))

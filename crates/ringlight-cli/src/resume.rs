@@ -32,7 +32,7 @@ pub fn resume(arguments: &Resume, ranks: &mut Communicator<'_>) -> Result<End, F
     let (settings, ledger): (SolveSettings, Ledger) = run.tell(decided)?;
     method::check_resumed(&settings, &arguments.stop, path)?;
     let Made { mesh, description, images } = run.share(&host, made)?;
-    run.choose_rings(&host, &mesh, &settings)?.map_err(anyhow::Error::msg)?;
+    run.choose_rings(&host, &mesh, &settings).map_err(anyhow::Error::msg)?;
     let mut ring = run.stage(Stage::Build, |run| run.ring(&mesh, None));
     let world = run.stage(Stage::Build, |run| World::new(&mut ring, &description.lights, settings, run.ranks))?;
     let light = || LightFile::open(&bytes)?.light_of(&mesh, &world.share.own);

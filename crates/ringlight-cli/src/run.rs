@@ -38,6 +38,8 @@ pub struct Run<'a, 'b> {
     /// The way to the other ranks.
     pub ranks: &'a mut Communicator<'b>,
     pub(crate) rings: Rings,
+    /// What each rank may use, bytes.
+    pub(crate) available: Vec<u64>,
     /// For how many elements each rank has room.
     pub(crate) rooms: Vec<u64>,
     /// What this rank has to report, as far as it is known.
@@ -113,27 +115,35 @@ impl<'a, 'b> Run<'a, 'b> {
         }
         let (seconds, warnings) = (Seconds::default(), Warnings::default());
         let (rings, own) = (Rings::one(ranks.size()), RankReport::default());
+        let available = spread::available(spread, ranks)?;
         let (rooms, balance) = (vec![u64::MAX; ranks.size()], Vec::new());
-        Ok(Run { arguments, spread, ranks, rings, rooms, own, balance, start, signals, reporter, showing, seconds, warnings })
+        Ok(Run {
+            arguments,
+            spread,
+            ranks,
+            rings,
+            available,
+            rooms,
+            own,
+            balance,
+            start,
+            signals,
+            reporter,
+            showing,
+            seconds,
+            warnings,
+        })
     }
 
     pub fn is_first(&self) -> bool {
         self.ranks.rank() == 0
     }
 
-    /// Chooses the rings and who owns how much, before memory is taken for what they divide. Gives words if there is too little.
-    pub fn choose_rings(
-        &mut self,
-        host: &Host,
-        mesh: &Mesh,
-        settings: &SolveSettings,
-    ) -> Result<Result<(), String>, Failure> {
+    /// Chooses the rings and who owns how much, before memory is taken for what they divide; says why not if there is too little.
+    pub fn choose_rings(&mut self, host: &Host, mesh: &Mesh, settings: &SolveSettings) -> Result<(), String> {
         let demand = plan::demand(mesh, host.mesh_place(), settings);
         let demand = Demand { saving: self.arguments.checkpoint.as_ref().map_or(0, |_| demand.writing), ..demand };
-        let Choice { rings, needed, rooms } = match spread::choose(self.spread, demand, self.ranks)? {
-            Ok(choice) => choice,
-            Err(lacking) => return Ok(Err(lacking)),
-        };
+        let Choice { rings, needed, rooms } = spread::choose(self.spread, demand, &self.available)?;
         let elements = |bytes: u64| match demand.owned {
             0 => u64::MAX,
             owned => (bytes as f64 / owned as f64 * mesh.element_count() as f64) as u64,
@@ -144,7 +154,7 @@ impl<'a, 'b> Run<'a, 'b> {
             let rings = if count == 1 { "one ring".into() } else { format!("{count} rings") };
             self.say(&format!("{ranks} ranks in {rings}, each with up to about {needed} of memory"));
         }
-        Ok(Ok(()))
+        Ok(())
     }
 
     /// Files besides the outputs that will be written.

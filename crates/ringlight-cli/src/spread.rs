@@ -20,7 +20,9 @@ pub fn check(arguments: &SpreadArguments, ranks: usize) -> Result<(), Failure> {
         _ => match arguments.memory_per_rank.len() {
             0 | 1 => Ok(()),
             given if given == ranks => Ok(()),
-            given => Err(Failure::Usage(format!("--memory-per-rank: {given} sizes for {ranks} ranks; give one, or one each"))),
+            given => Err(Failure::Usage(format!(
+                "--memory-per-rank: {given} sizes for {ranks} ranks; give one, or one each"
+            ))),
         },
     }
 }
@@ -57,27 +59,27 @@ pub struct Choice {
     pub rooms: Vec<u64>,
 }
 
-/// Chooses rings that memory allows, or says why none do; the same on all ranks.
-pub fn choose(
-    arguments: &SpreadArguments,
-    demand: Demand,
-    ranks: &mut Communicator<'_>,
-) -> Result<Result<Choice, String>, transport::Failure> {
-    let size = ranks.size();
+/// What each rank may use, bytes; the same on all ranks. To be asked before much is used.
+pub fn available(arguments: &SpreadArguments, ranks: &mut Communicator<'_>) -> Result<Vec<u64>, transport::Failure> {
+    match arguments.memory_per_rank[..] {
+        [] => shares_of_what_is_left(ranks, machine::memory_left()),
+        [bytes] => Ok(vec![bytes; ranks.size()]),
+        _ => Ok(arguments.memory_per_rank.clone()),
+    }
+}
+
+/// Chooses rings that what is [`available`] allows, or says why none do.
+pub fn choose(arguments: &SpreadArguments, demand: Demand, available: &[u64]) -> Result<Choice, String> {
+    let size = available.len();
     let Spread { window, packet_size, .. } = spread(arguments, Rings::one(size));
     let demand = demand.with_packets(window, packet_size, OUTLINE);
-    let available = match arguments.memory_per_rank[..] {
-        [] => shares_of_what_is_left(ranks, machine::memory_left())?,
-        [bytes] => vec![bytes; size],
-        _ => arguments.memory_per_rank.clone(),
-    };
-    let fitting = demand.most_rings(&available);
+    let fitting = demand.most_rings(available);
     let rings = match arguments.rings {
         RingsChoice::Auto => fitting,
         RingsChoice::Number(rings) => Rings::new(size, rings),
     };
-    if let Some((rings, rooms)) = rings.and_then(|rings| Some((rings, demand.rooms(rings, &available)?))) {
-        return Ok(Ok(Choice { rings, needed: demand.of_a_rank(rings), rooms }));
+    if let Some((rings, rooms)) = rings.and_then(|rings| Some((rings, demand.rooms(rings, available)?))) {
+        return Ok(Choice { rings, needed: demand.of_a_rank(rings), rooms });
     }
     let asked = match arguments.rings {
         RingsChoice::Auto => 1,
@@ -95,7 +97,7 @@ pub fn choose(
         true => in_words(least),
         false => format!("{} to {}", in_words(least), in_words(most)),
     };
-    Ok(Err(format!("each rank needs about {needed} of memory, and may use {available}{limit}; {way_out}")))
+    Err(format!("each rank needs about {needed} of memory, and may use {available}{limit}; {way_out}"))
 }
 
 /// Every rank's share of what the system has left to it.
@@ -151,10 +153,10 @@ mod tests {
     fn chosen(size: usize, rings: RingsChoice, memory: u64) -> Result<usize, String> {
         let demand = Demand { owned: 8 << 30, triangles: 16 << 30, held: 1, ..Demand::default() };
         let memory = [(memory << 30) + (32 << 20)];
-        let choice = |ranks: &mut Communicator<'_>| choose(&arguments(rings, &memory), demand, ranks);
-        let all = threads::run(size, choice).unwrap();
-        assert!(all.windows(2).all(|pair| pair[0] == pair[1]));
-        all[0].clone().map(|choice| choice.rings.rings())
+        let arguments = arguments(rings, &memory);
+        let available = threads::run(size, |ranks| available(&arguments, ranks)).unwrap();
+        assert!(available.iter().all(|of_rank| *of_rank == vec![memory[0]; size]));
+        choose(&arguments, demand, &available[0]).map(|choice| choice.rings.rings())
     }
 
     #[test]
@@ -178,8 +180,8 @@ mod tests {
     fn who_may_use_less_owns_less() {
         let demand = Demand { owned: 8 << 30, ..Demand::default() };
         let memory = [1, 5, 2, 0].map(|gib| gib << 30);
-        let choices = threads::run(4, |ranks| choose(&arguments(RingsChoice::Number(4), &memory), demand, ranks)).unwrap();
-        assert_eq!(choices[0].as_ref().unwrap().rooms, memory);
+        let choice = choose(&arguments(RingsChoice::Number(4), &memory), demand, &memory);
+        assert_eq!(choice.unwrap().rooms, memory);
     }
 
     #[test]

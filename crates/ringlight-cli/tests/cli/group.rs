@@ -5,6 +5,7 @@ use crate::watcher::{self, Watcher};
 use crate::workshop::Workshop;
 use predicates::prelude::*;
 use predicates::str::contains;
+use serde_json::json;
 
 /// The box at sizes that are solved in a blink.
 const BAKE: &str = "bake box.obj --patch-size 1 --element-size 0.25 --force";

@@ -71,7 +71,9 @@ impl Bounds {
 /// The member, of so many, that holds each piece; about equally many triangles each.
 pub fn deal(pieces: &[Piece], members: usize, shards: Shards) -> Vec<u32> {
     match shards {
-        Shards::Random => owners(&pieces.iter().map(|p| u64::from(p.triangles)).collect::<Vec<_>>(), &vec![u64::MAX; members]),
+        Shards::Random => {
+            owners(&pieces.iter().map(|p| u64::from(p.triangles)).collect::<Vec<_>>(), &vec![u64::MAX; members])
+        }
         Shards::Spatial => {
             let weights: Vec<f64> = pieces.iter().map(|p| f64::from(p.triangles)).collect();
             bisect(pieces, &weights, &vec![1.0; members])

@@ -180,11 +180,14 @@ impl Cut<'_> {
     /// About how much light comes from a node that is in full view.
     fn in_view(&self, receivers: &Receivers, number: u32) -> f32 {
         let node = &self.tree.nodes[number as usize];
-        let Some((towards, away)) = direction((receivers.low + receivers.high) / 2.0, node.middle()) else { return 0.0 };
+        let Some((towards, away)) = direction((receivers.low + receivers.high) / 2.0, node.middle()) else {
+            return 0.0;
+        };
         // Normals that point anywhere show a quarter of their area each way.
         let alike = node.cosine.max(0.0);
         let leaving = alike * node.axis.dot(-towards).max(0.0) + (1.0 - alike) / 4.0;
-        let apart = away * away + (receivers.high - receivers.low).length_squared() / 4.0 + node.radius() * node.radius();
+        let apart =
+            away * away + (receivers.high - receivers.low).length_squared() / 4.0 + node.radius() * node.radius();
         self.light.power(self.tree, number) * receivers.axis.dot(towards).max(0.0) * leaving / (PI * apart)
     }
 }
