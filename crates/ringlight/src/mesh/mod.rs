@@ -18,7 +18,6 @@ mod pairing;
 mod plane;
 mod refine;
 mod shared;
-mod sides;
 mod size;
 #[cfg(test)]
 mod tests;
@@ -35,7 +34,7 @@ pub use occluders::{CLEAR_COVERAGE, FacetCoverage, OPAQUE_COVERAGE, Occluder, hi
 pub use plane::{Planes, RELATIVE_TOLERANCE};
 pub use shared::SharedError;
 pub use size::{Quality, Sizes};
-pub use validity::{find_valid_samples, is_hidden_beside, look_outs, sample_parameters, valid_samples};
+pub use validity::{find_valid_samples, is_hidden_beside, look_about, look_outs, sample_parameters, valid_samples};
 
 use crate::column::Column;
 use crate::scene::Warnings;
@@ -218,33 +217,13 @@ impl Mesh {
         f64::from(self.valid[element as usize].count_ones()) / 16.0
     }
 
-    /// The element that a ray hits, and where within it; none if it hits an unlit back.
-    pub fn element_at(&self, ray: &Ray, hit: Hit) -> Option<(u32, DVec2)> {
+    /// The element that a ray hits; none if it hits an unlit back.
+    pub fn element_at(&self, ray: &Ray, hit: Hit) -> Option<u32> {
         let facet = &self.facets[(hit.triangle >> 1) as usize];
         let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
         let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
         let lit = hit.front || facet.double_sided();
-        lit.then(|| {
-            let (_, element, within) = self.find_element(facet, !hit.front, at.clamp(DVec2::ZERO, DVec2::ONE));
-            (element, within)
-        })
-    }
-
-    /// From a point of an element which others cover, or which lies in a pocket, the way to the point where the element's light was
-    /// found: if that is free, so is the point. None for points of free samples, and for elements that have none.
-    pub fn way_out(&self, element: u32, within: DVec2) -> Option<Ray> {
-        let valid = self.valid[element as usize];
-        if valid == 0 || valid == ALL_VALID {
-            return None;
-        }
-        let patch = self.patch(self.patch_of(element));
-        let layout = patch.frame.layout;
-        if valid >> Tile::find(layout, [4, 4], within).0 & 1 == 1 {
-            return None;
-        }
-        let tile = patch.element_tile(element - patch.first_element);
-        let [from, to] = [within, sample_parameters(layout, valid)?].map(|at| patch.frame.at(tile.at(at)));
-        Some(sides::across(&patch, from, to))
+        lit.then(|| self.find_element(facet, !hit.front, at.clamp(DVec2::ZERO, DVec2::ONE)).1)
     }
 
     /// The cluster that holds patch `id`.
@@ -283,11 +262,16 @@ impl Patch {
         Tile::of(self.frame.layout, self.grid, k)
     }
 
-    /// Where light is evaluated on its `k`-th element: its middle, or, where that is covered by other geometry, the free sample
-    /// nearest to it. None if all are covered.
+    /// Where light is evaluated on its `k`-th element: its middle, or, when the samples there are covered by other
+    /// geometry, the free sample nearest to the middle. None if all are covered.
     pub fn sample_point(&self, k: u32, valid: u16) -> Option<DVec3> {
-        let at = sample_parameters(self.frame.layout, valid)?;
-        Some(self.frame.at(self.element_tile(k).at(at)))
+        let tile = self.element_tile(k);
+        let (order, innermost) = validity::order(self.frame.layout);
+        if valid & innermost == innermost {
+            return Some(self.frame.at(tile.at(Frame::middle(self.frame.layout))));
+        }
+        let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
+        Some(self.area_sample(&tile, sample.into()))
     }
 
     /// Whether the surface at parameters `at` of the patch is covered by other geometry.

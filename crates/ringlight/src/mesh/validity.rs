@@ -4,12 +4,10 @@
 //! its element takes its light from its free samples, so that contacts leave no black rims.
 
 use super::look::{LookAbout, View};
-use super::sides::{Sampled, keep_wider};
-use super::{ALL_VALID, Cluster, Frame, Inquiry, Mesh, Patch, Tile, at_once};
+use super::{ALL_VALID, Cluster, Frame, Inquiry, Mesh, Patch, Tile, walk};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, Layout};
-use std::sync::Arc;
 
 /// Samples of a quadrilateral element from the middle outwards.
 const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
@@ -17,18 +15,19 @@ const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 
 /// Samples of a triangular element from the middle outwards.
 const TRIANGLE_ORDER: [u8; 16] = [9, 3, 8, 10, 2, 4, 7, 11, 12, 14, 1, 5, 13, 0, 6, 15];
 
-/// Samples from the middle outwards. The bit of the first tells of the middle itself.
-pub fn order(layout: Layout) -> &'static [u8; 16] {
+/// Samples from the middle outwards, and the bits of those around the middle: when they are free, so is the middle.
+pub fn order(layout: Layout) -> (&'static [u8; 16], u16) {
     match layout {
-        Layout::Quad => &QUAD_ORDER,
-        Layout::Triangle => &TRIANGLE_ORDER,
+        Layout::Quad => (&QUAD_ORDER, 1 << 5 | 1 << 6 | 1 << 9 | 1 << 10),
+        Layout::Triangle => (&TRIANGLE_ORDER, 1 << 9),
     }
 }
 
 /// Where within an element its sample point lies: see [`Patch::sample_point`].
 pub fn sample_parameters(layout: Layout, valid: u16) -> Option<DVec2> {
-    let (middle, order) = (Frame::middle(layout), order(layout));
-    if valid >> order[0] & 1 == 1 {
+    let middle = Frame::middle(layout);
+    let (order, innermost) = order(layout);
+    if valid & innermost == innermost {
         return Some(middle);
     }
     let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
@@ -48,7 +47,7 @@ const TOGETHER: usize = 1024;
 type Place = (u32, u32);
 
 /// Fills [`Mesh::valid`].
-pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Arc<Hierarchy>) {
+pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Hierarchy) {
     let mut valid = std::mem::take(&mut mesh.valid);
     let mut rest = &mut valid[..];
     let mut parts = Vec::with_capacity(mesh.clusters.len());
@@ -57,11 +56,11 @@ pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Arc<Hierarchy>) {
         parts.push((cluster, part));
         rest = tail;
     }
-    let inquiry = Inquiry::Here(mesh, hierarchy.clone());
     parts.into_par_iter().for_each(|(cluster, mut rest)| {
         for elements in look_outs(mesh, cluster, usize::MAX) {
+            let looks = look_about(mesh, &elements).map(|look| walk::run(mesh, hierarchy, look));
             let (part, tail) = std::mem::take(&mut rest).split_at_mut(elements.len());
-            part.copy_from_slice(&at_once(valid_samples(mesh, &elements, &inquiry)));
+            part.copy_from_slice(&valid_samples(mesh, &elements, &looks.collect::<Vec<_>>()));
             rest = tail;
         }
     });
@@ -93,7 +92,7 @@ fn looks(mesh: &Mesh, patch: &Patch) -> usize {
 }
 
 /// The walks whose views tell which samples of the elements are valid: for each the middle, then its samples if it is not small.
-fn look_about<'a>(mesh: &'a Mesh, elements: &[Place]) -> impl Iterator<Item = LookAbout<'a>> {
+pub fn look_about<'a>(mesh: &'a Mesh, elements: &[Place]) -> impl Iterator<Item = LookAbout<'a>> {
     elements.iter().flat_map(move |&(id, element)| {
         let patch = mesh.patch(id);
         let tile = patch.element_tile(element);
@@ -107,31 +106,23 @@ fn look_about<'a>(mesh: &'a Mesh, elements: &[Place]) -> impl Iterator<Item = Lo
     })
 }
 
-/// The valid samples of the elements.
-pub async fn valid_samples(mesh: &Mesh, elements: &[Place], inquiry: &Inquiry<'_>) -> Vec<u16> {
-    let looks = inquiry.follow(look_about(mesh, elements).collect::<Vec<_>>()).await;
+/// The valid samples of the elements, once they have looked about.
+pub fn valid_samples(mesh: &Mesh, elements: &[Place], looks: &[LookAbout<'_>]) -> Vec<u16> {
     let mut views = looks.iter().map(LookAbout::view);
-    let mut valid = Vec::with_capacity(elements.len());
-    let mut sampled = Vec::new();
-    for (at, &(id, element)) in elements.iter().enumerate() {
+    let valid = |&(id, _): &Place| {
         let patch = mesh.patch(id);
         let middle = views.next().expect("the middle always looks");
         if self::looks(mesh, &patch) == 1 {
-            valid.push(if middle == View::Covered { 0 } else { ALL_VALID });
-            continue;
+            return if middle == View::Covered { 0 } else { ALL_VALID };
         }
-        let mut views: [View; 16] = std::array::from_fn(|_| views.next().expect("each sample looks"));
-        views[usize::from(order(patch.frame.layout)[0])] = middle;
+        let views: [View; 16] = std::array::from_fn(|_| views.next().expect("each sample looks"));
         // An element that is open in part takes its light there; one wholly in a crack is as dark as the crack.
         let wanted = if views.contains(&View::Open) { View::Open } else { View::Crack };
         let samples = views.iter().enumerate().fold(0u16, |bits, (s, &v)| bits | u16::from(v >= wanted) << s);
-        valid.push(samples);
-        sampled.push((at, Sampled { patch, element, valid: samples }));
-    }
-    let (places, mut sampled): (Vec<usize>, Vec<Sampled>) = sampled.into_iter().unzip();
-    keep_wider(mesh, inquiry, &mut sampled).await;
-    places.iter().zip(sampled).for_each(|(&at, element)| valid[at] = element.valid);
-    valid
+        // A middle without light must not be the sample point: one bit less says so.
+        if middle >= wanted { samples } else { samples & !(1 << order(patch.frame.layout).0[0]) }
+    };
+    elements.iter().map(valid).collect()
 }
 
 /// Whether a point of a patch is covered, or lies in a crack, while `other`, of the same element, is not or does not: then

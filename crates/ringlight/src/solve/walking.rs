@@ -26,7 +26,8 @@ impl<'a> Ring<'a> {
             (first, elements)
         });
         let task = |(first, elements): (usize, Vec<_>), inquiry: Inquiry<'a>| async move {
-            (first, mesh::valid_samples(mesh, &elements, &inquiry).await)
+            let looks = inquiry.follow(mesh::look_about(mesh, &elements).collect::<Vec<_>>()).await;
+            (first, mesh::valid_samples(mesh, &elements, &looks))
         };
         self.ask(ranks, parts, task, |(first, found)| valid[first..][..found.len()].copy_from_slice(&found))?;
         Ok(valid)
