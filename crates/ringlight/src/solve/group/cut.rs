@@ -202,11 +202,9 @@ impl Cutting<'_> {
     /// Adds a node, or those of its parts that give light.
     fn add(&mut self, number: u32) {
         let Some(estimate) = self.cut.estimate(self.receivers, number) else { return };
-        let most = self.reached.most(self.cut.tree, number, self.cut.in_view(self.receivers, number));
-        if most == 0.0 {
+        if self.reached.hides(self.cut.tree, number, self.cut.in_view(self.receivers, number)) {
             return;
         }
-        let estimate = estimate.min(most);
         let node = &self.cut.tree.nodes[number as usize];
         if is_near(self.receivers, node) {
             return node.children.clone().for_each(|child| self.add(child));

@@ -22,9 +22,6 @@ const MOST: u64 = 64;
 /// What would send so many rays to a cluster if it were in view, and has sent none, is hidden.
 const PROOF: f32 = 8.0;
 
-/// What has sent none gives no more light than so many rays: with a chance of 19 in 20 one of three would have arrived.
-const NONE_OF: f32 = 3.0;
-
 /// Rays that are followed together.
 const BLOCK: u64 = 256;
 
@@ -116,13 +113,9 @@ pub struct Reached<'a> {
 }
 
 impl Reached<'_> {
-    /// The most light that a node of the tree gives, if it would give about `in_view` if it were in full view, W/m² or lux.
-    pub fn most(&self, tree: &ShooterTree, node: u32, in_view: f32) -> f32 {
-        match self.holds(tree, node) {
-            true => f32::INFINITY,
-            false if in_view >= PROOF * self.ray => 0.0,
-            false => NONE_OF * self.ray,
-        }
+    /// Whether all of a node of the tree is hidden, which would give about `in_view` if it were in full view, W/m² or lux.
+    pub fn hides(&self, tree: &ShooterTree, node: u32, in_view: f32) -> bool {
+        in_view >= PROOF * self.ray && !self.holds(tree, node)
     }
 
     /// Whether light of a node, or part of it, reaches the cluster.
@@ -239,6 +232,6 @@ mod tests {
                 assert!(here || !reached.holds(&tree, side), "cluster {number}");
             }
         }
-        assert!(sides.iter().all(|&side| reach.of(0).most(&tree, side, 1e-9) > 0.0));
+        assert!(sides.iter().all(|&side| !reach.of(0).hides(&tree, side, 1e-9)));
     }
 }
