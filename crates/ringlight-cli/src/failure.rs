@@ -9,7 +9,7 @@ use std::fmt;
 pub enum End {
     /// Converged, or `--max-shots` reached, or nothing was to be solved.
     Done,
-    /// Stopped by the time limit.
+    /// Stopped by the time limit, from the page or for want of memory.
     StoppedEarly,
     /// Stopped by SIGINT.
     Interrupted,

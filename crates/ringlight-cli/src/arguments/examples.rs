@@ -7,7 +7,7 @@ Examples:
   ringlight inspect office.glb                                what is in it, how long it will take
   ringlight bake --help                                       every flag
 
-Exit codes: 0 converged or --max-shots reached, 1 error, 2 usage, 3 bad scene, 4 stopped by --time-limit or from the page with valid
+Exit codes: 0 converged or --max-shots reached, 1 error, 2 usage, 3 bad scene, 4 stopped by --time-limit, from the page or for want of memory with valid
 output, 130 interrupted and 143 terminated, both with valid output.";
 
 /// Of `bake`.
