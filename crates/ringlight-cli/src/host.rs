@@ -91,10 +91,10 @@ impl Host {
         ranks: &mut Communicator<'_>,
         mesh: &Mesh,
         share: &Share,
-        own: &[u16],
-    ) -> Result<Column<u16>, Failure> {
+        own: &[u32],
+    ) -> Result<Column<u32>, Failure> {
         let batches = batches(mesh);
-        let mut whole: Column<u16> = self.store().column().context("scratch memory")?;
+        let mut whole: Column<u32> = self.store().column().context("scratch memory")?;
         let mut sent = 0;
         let part = |batch: usize| {
             let Range { start, end } = batches[batch];
@@ -108,7 +108,7 @@ impl Host {
             for cluster in batches[batch].clone() {
                 let owner = share.owners[cluster as usize] as usize;
                 let bits = parts[owner].by_ref().take(mesh.clusters[cluster as usize].elements.len());
-                whole.extend(bits.map(|bits| u16::from_ne_bytes(*bits)))?;
+                whole.extend(bits.map(|bits| u32::from_ne_bytes(*bits)))?;
             }
             Ok::<_, io::Error>(())
         };
@@ -145,7 +145,7 @@ impl Host {
 fn batches(mesh: &Mesh) -> Vec<Range<u32>> {
     let mut batches = Vec::new();
     let mut start = 0u32;
-    let most = (BATCH / size_of::<u16>()) as u32;
+    let most = (BATCH / size_of::<u32>()) as u32;
     for (number, cluster) in mesh.clusters.iter().enumerate() {
         let first = mesh.clusters[start as usize].elements.start;
         if cluster.elements.end - first > most && number as u32 > start {

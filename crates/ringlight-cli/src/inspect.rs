@@ -251,7 +251,7 @@ fn forecast(
     let rays_per_second = match given {
         Some(given) => given,
         None => {
-            let hierarchy = mesh::hierarchy(&mesh);
+            let hierarchy = Arc::new(mesh::hierarchy(&mesh));
             mesh::find_valid_samples(&mut mesh, &hierarchy);
             match settings.solver {
                 Solver::Plain | Solver::PlainTo(_) => trial(scene, &mesh, hierarchy, settings, rule)?,
@@ -300,12 +300,12 @@ fn forecast(
 fn trial(
     scene: &Description,
     mesh: &Mesh,
-    hierarchy: Hierarchy,
+    hierarchy: Arc<Hierarchy>,
     settings: SolveSettings,
     rule: &StopRule,
 ) -> Result<f64, Failure> {
     let ranks = &mut Communicator::alone();
-    let mut ring = Ring::alone(mesh, Arc::new(hierarchy));
+    let mut ring = Ring::alone(mesh, hierarchy);
     let world = World::new(&mut ring, &scene.lights, settings, ranks)?;
     let mut state = State::new(&world, ranks)?;
     let start = Instant::now();

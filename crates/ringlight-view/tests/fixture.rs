@@ -9,6 +9,7 @@ use ringlight::shooting::ElementLight;
 use ringlight_view::protocol::{self, Camera, Hello, Load, Status, Surface, Texture};
 use ringlight_view::{Server, display};
 use std::path::Path;
+use std::sync::Arc;
 use tungstenite::Message;
 use tungstenite::client::IntoClientRequest;
 
@@ -62,7 +63,7 @@ fn mesh() -> (Mesh, Vec<Surface>) {
     let scene = scene::read("scene.obj", bytes, &Materials, &ReadOptions::default()).unwrap();
     let options = MeshOptions { patch_size: Some(1.0), element_size: Some(0.5), ..MeshOptions::default() };
     let mut mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
-    let hierarchy = mesh::hierarchy(&mesh);
+    let hierarchy = Arc::new(mesh::hierarchy(&mesh));
     mesh::find_valid_samples(&mut mesh, &hierarchy);
     let texture =
         Texture { image: 0, wrap: [Wrap::Repeat, Wrap::Mirror], nearest: true, factor: [1.0; 3], cutoff: 0.5 };

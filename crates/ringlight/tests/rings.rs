@@ -30,7 +30,7 @@ impl Task {
         let options =
             MeshOptions { patch_size: Some(patch_size), element_size: Some(element_size), ..MeshOptions::default() };
         let mut mesh = support::refined(mesh::build(&scene, &options, Store::Heap).unwrap(), &scene, mixed);
-        let hierarchy = mesh::hierarchy(&mesh);
+        let hierarchy = Arc::new(mesh::hierarchy(&mesh));
         mesh::find_valid_samples(&mut mesh, &hierarchy);
         Task { mesh, lights: scene.lights, settings, shots }
     }

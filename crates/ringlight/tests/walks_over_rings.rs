@@ -47,7 +47,7 @@ fn valid_samples_are_the_same_over_any_rings() {
         ("pavilion", pavilion(), 0.6, 0.2),
     ] {
         let mut mesh = cut(&scene, patch_size, element_size);
-        let whole = mesh::hierarchy(&mesh);
+        let whole = Arc::new(mesh::hierarchy(&mesh));
         assert_eq!(whole.triangles().iter().any(|t| t.filter != OPAQUE), file == "pavilion");
         let unknown = mesh.clone();
         mesh::find_valid_samples(&mut mesh, &whole);

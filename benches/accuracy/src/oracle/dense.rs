@@ -4,7 +4,7 @@
 use super::interpolation::parts;
 use super::kernel::{PatchShooter, Receiver, triangles};
 use glam::DVec3;
-use ringlight::mesh::{Mesh, Patch};
+use ringlight::mesh::{Mesh, Patch, area_samples};
 use ringlight::shooting::{Shot, Source};
 use ringlight::solve::World;
 use ringlight_visibility::{Cells, Layout, Triangle};
@@ -59,7 +59,7 @@ impl Samples {
                 Layout::Triangle => [(u - v) / 2f64.sqrt(), (u + v) / 6f64.sqrt()],
             },
             display: receiver(patch.sample_point(k, valid)?),
-            free: (0..16).filter(|s| valid >> s & 1 == 1).map(|s| receiver(patch.area_sample(&tile, s))).collect(),
+            free: area_samples(valid).map(|s| receiver(patch.area_sample(&tile, s))).collect(),
         })
     }
 

@@ -1,7 +1,7 @@
 //! How the light of a patch's elements is shared among its cells.
 
 use glam::DVec2;
-use ringlight::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile};
+use ringlight::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile, free_share};
 use ringlight::shooting::Shoot;
 use ringlight_visibility::Layout;
 
@@ -10,8 +10,7 @@ use ringlight_visibility::Layout;
 pub fn parts(mesh: &Mesh, patch: &Patch, side: u32, areas: &[f64], shoot: Shoot) -> Vec<Vec<f64>> {
     let count = patch.element_count() as usize;
     let valid = &mesh.valid[patch.first_element as usize..][..count];
-    let free: Vec<f64> =
-        (0..count as u32).map(|k| patch.element_area(k) * f64::from(valid[k as usize].count_ones()) / 16.0).collect();
+    let free: Vec<f64> = (0..count as u32).map(|k| patch.element_area(k) * free_share(valid[k as usize])).collect();
     if shoot == Shoot::Average || count == 1 && valid[0] == ALL_VALID {
         return vec![free.iter().map(|a| a / patch.area).collect(); areas.len()];
     }
@@ -58,7 +57,7 @@ fn common_divisor(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
-fn is_covered(patch: &Patch, valid: &[u16], at: DVec2) -> bool {
+fn is_covered(patch: &Patch, valid: &[u32], at: DVec2) -> bool {
     let (element, within) = Tile::find(patch.frame.layout, patch.grid, at);
     let (sample, _) = Tile::find(patch.frame.layout, [4, 4], within);
     valid[element as usize] >> sample & 1 == 0
@@ -66,7 +65,7 @@ fn is_covered(patch: &Patch, valid: &[u16], at: DVec2) -> bool {
 
 /// The elements whose light is interpolated at parameters `at`, with their shares: on quadrilaterals bilinearly between
 /// the middles of those with a free part, on triangles the element itself.
-fn neighbours(patch: &Patch, valid: &[u16], at: DVec2) -> Vec<(usize, f64)> {
+fn neighbours(patch: &Patch, valid: &[u32], at: DVec2) -> Vec<(usize, f64)> {
     let layout = patch.frame.layout;
     if layout == Layout::Triangle {
         return vec![(Tile::find(layout, patch.grid, at).0 as usize, 1.0)];

@@ -13,7 +13,7 @@ const CONTACT: f64 = 0.02;
 const CRACK: f64 = 0.25;
 
 /// Directions (tangent, bitangent, normal) in which a sample looks about: the normal first, then two rings.
-const DIRECTIONS: [[f64; 3]; 13] = [
+pub const DIRECTIONS: [[f64; 3]; 13] = [
     [0.02, 0.01, 0.999_75],
     [0.51, 0.04, 0.859_25],
     [-0.04, 0.51, 0.859_25],

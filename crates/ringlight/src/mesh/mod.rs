@@ -18,6 +18,7 @@ mod pairing;
 mod plane;
 mod refine;
 mod shared;
+mod sides;
 mod size;
 #[cfg(test)]
 mod tests;
@@ -34,7 +35,9 @@ pub use occluders::{CLEAR_COVERAGE, FacetCoverage, OPAQUE_COVERAGE, Occluder, hi
 pub use plane::{Planes, RELATIVE_TOLERANCE};
 pub use shared::SharedError;
 pub use size::{Quality, Sizes};
-pub use validity::{find_valid_samples, is_hidden_beside, look_about, look_outs, sample_parameters, valid_samples};
+pub use validity::{
+    area_samples, find_valid_samples, free_share, is_hidden_beside, look_outs, sample_parameters, valid_samples,
+};
 
 use crate::column::Column;
 use crate::scene::Warnings;
@@ -46,8 +49,11 @@ use std::ops::Range;
 /// Absent index.
 pub const NONE: u32 = u32::MAX;
 
-/// All sixteen samples of an element are valid.
-pub const ALL_VALID: u16 = u16::MAX;
+/// The bit of an element's middle among its valid samples; those below are of its sixteen parts.
+pub const MIDDLE: u32 = 16;
+
+/// All sixteen samples of an element are valid, and its middle.
+pub const ALL_VALID: u32 = (2 << MIDDLE) - 1;
 
 /// Discretised surfaces of a scene.
 #[derive(Clone, Debug, Default)]
@@ -77,7 +83,7 @@ pub struct Mesh {
     /// Colour of each surface.
     pub surface_colours: Vec<Colour>,
     /// For each element, which of its sixteen samples (the tiles of a 4 × 4 grid) lie free of other geometry.
-    pub valid: Column<u16>,
+    pub valid: Column<u32>,
     /// What light passes through.
     pub occluder: Occluder,
     /// What was changed or left out at meshing.
@@ -214,16 +220,36 @@ impl Mesh {
 
     /// Share of element `element` that lies free of other geometry.
     pub fn valid_share(&self, element: u32) -> f64 {
-        f64::from(self.valid[element as usize].count_ones()) / 16.0
+        free_share(self.valid[element as usize])
     }
 
-    /// The element that a ray hits; none if it hits an unlit back.
-    pub fn element_at(&self, ray: &Ray, hit: Hit) -> Option<u32> {
+    /// The element that a ray hits, and where within it; none if it hits an unlit back.
+    pub fn element_at(&self, ray: &Ray, hit: Hit) -> Option<(u32, DVec2)> {
         let facet = &self.facets[(hit.triangle >> 1) as usize];
         let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
         let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
         let lit = hit.front || facet.double_sided();
-        lit.then(|| self.find_element(facet, !hit.front, at.clamp(DVec2::ZERO, DVec2::ONE)).1)
+        lit.then(|| {
+            let (_, element, within) = self.find_element(facet, !hit.front, at.clamp(DVec2::ZERO, DVec2::ONE));
+            (element, within)
+        })
+    }
+
+    /// From a point of an element which others cover, or which lies in a pocket, the way to the point where the element's light was
+    /// found: if that is free, so is the point. None for points of free samples, and for elements that have none.
+    pub fn way_out(&self, element: u32, within: DVec2) -> Option<Ray> {
+        let valid = self.valid[element as usize];
+        if valid == 0 || valid == ALL_VALID {
+            return None;
+        }
+        let patch = self.patch(self.patch_of(element));
+        let layout = patch.frame.layout;
+        if valid >> Tile::find(layout, [4, 4], within).0 & 1 == 1 {
+            return None;
+        }
+        let tile = patch.element_tile(element - patch.first_element);
+        let [from, to] = [within, sample_parameters(layout, valid)?].map(|at| patch.frame.at(tile.at(at)));
+        Some(sides::across(&patch, from, to))
     }
 
     /// The cluster that holds patch `id`.
@@ -262,16 +288,11 @@ impl Patch {
         Tile::of(self.frame.layout, self.grid, k)
     }
 
-    /// Where light is evaluated on its `k`-th element: its middle, or, when the samples there are covered by other
-    /// geometry, the free sample nearest to the middle. None if all are covered.
-    pub fn sample_point(&self, k: u32, valid: u16) -> Option<DVec3> {
-        let tile = self.element_tile(k);
-        let (order, innermost) = validity::order(self.frame.layout);
-        if valid & innermost == innermost {
-            return Some(self.frame.at(tile.at(Frame::middle(self.frame.layout))));
-        }
-        let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
-        Some(self.area_sample(&tile, sample.into()))
+    /// Where light is evaluated on its `k`-th element: its middle, or, where that is covered by other geometry, the free sample
+    /// nearest to it. None if all are covered.
+    pub fn sample_point(&self, k: u32, valid: u32) -> Option<DVec3> {
+        let at = sample_parameters(self.frame.layout, valid)?;
+        Some(self.frame.at(self.element_tile(k).at(at)))
     }
 
     /// Whether the surface at parameters `at` of the patch is covered by other geometry.

@@ -4,10 +4,12 @@
 //! its element takes its light from its free samples, so that contacts leave no black rims.
 
 use super::look::{LookAbout, View};
-use super::{ALL_VALID, Cluster, Frame, Inquiry, Mesh, Patch, Tile, walk};
+use super::sides::{Sampled, keep_wider, leave_edges};
+use super::{ALL_VALID, Cluster, Frame, Inquiry, MIDDLE, Mesh, Patch, Tile, at_once};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use ringlight_visibility::{Hierarchy, Layout};
+use std::sync::Arc;
 
 /// Samples of a quadrilateral element from the middle outwards.
 const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 15];
@@ -15,21 +17,26 @@ const QUAD_ORDER: [u8; 16] = [5, 6, 9, 10, 1, 2, 4, 7, 8, 11, 13, 14, 0, 3, 12, 
 /// Samples of a triangular element from the middle outwards.
 const TRIANGLE_ORDER: [u8; 16] = [9, 3, 8, 10, 2, 4, 7, 11, 12, 14, 1, 5, 13, 0, 6, 15];
 
-/// Samples from the middle outwards, and the bits of those around the middle: when they are free, so is the middle.
-pub fn order(layout: Layout) -> (&'static [u8; 16], u16) {
-    match layout {
-        Layout::Quad => (&QUAD_ORDER, 1 << 5 | 1 << 6 | 1 << 9 | 1 << 10),
-        Layout::Triangle => (&TRIANGLE_ORDER, 1 << 9),
-    }
+/// The samples of an element's area among its valid ones.
+pub fn area_samples(valid: u32) -> impl Iterator<Item = u32> {
+    (0..MIDDLE).filter(move |s| valid >> s & 1 == 1)
+}
+
+/// Share of an element's area that is free.
+pub fn free_share(valid: u32) -> f64 {
+    f64::from((valid & !(1 << MIDDLE)).count_ones()) / f64::from(MIDDLE)
 }
 
 /// Where within an element its sample point lies: see [`Patch::sample_point`].
-pub fn sample_parameters(layout: Layout, valid: u16) -> Option<DVec2> {
+pub fn sample_parameters(layout: Layout, valid: u32) -> Option<DVec2> {
     let middle = Frame::middle(layout);
-    let (order, innermost) = order(layout);
-    if valid & innermost == innermost {
+    if valid >> MIDDLE & 1 == 1 {
         return Some(middle);
     }
+    let order = match layout {
+        Layout::Quad => &QUAD_ORDER,
+        Layout::Triangle => &TRIANGLE_ORDER,
+    };
     let sample = *order.iter().find(|&&s| valid >> s & 1 == 1)?;
     Some(Tile::of(layout, [4, 4], sample.into()).at(middle))
 }
@@ -47,7 +54,7 @@ const TOGETHER: usize = 1024;
 type Place = (u32, u32);
 
 /// Fills [`Mesh::valid`].
-pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Hierarchy) {
+pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Arc<Hierarchy>) {
     let mut valid = std::mem::take(&mut mesh.valid);
     let mut rest = &mut valid[..];
     let mut parts = Vec::with_capacity(mesh.clusters.len());
@@ -56,11 +63,11 @@ pub fn find_valid_samples(mesh: &mut Mesh, hierarchy: &Hierarchy) {
         parts.push((cluster, part));
         rest = tail;
     }
+    let inquiry = Inquiry::Here(mesh, hierarchy.clone());
     parts.into_par_iter().for_each(|(cluster, mut rest)| {
         for elements in look_outs(mesh, cluster, usize::MAX) {
-            let looks = look_about(mesh, &elements).map(|look| walk::run(mesh, hierarchy, look));
             let (part, tail) = std::mem::take(&mut rest).split_at_mut(elements.len());
-            part.copy_from_slice(&valid_samples(mesh, &elements, &looks.collect::<Vec<_>>()));
+            part.copy_from_slice(&at_once(valid_samples(mesh, &elements, &inquiry)));
             rest = tail;
         }
     });
@@ -92,7 +99,7 @@ fn looks(mesh: &Mesh, patch: &Patch) -> usize {
 }
 
 /// The walks whose views tell which samples of the elements are valid: for each the middle, then its samples if it is not small.
-pub fn look_about<'a>(mesh: &'a Mesh, elements: &[Place]) -> impl Iterator<Item = LookAbout<'a>> {
+fn look_about<'a>(mesh: &'a Mesh, elements: &[Place]) -> impl Iterator<Item = LookAbout<'a>> {
     elements.iter().flat_map(move |&(id, element)| {
         let patch = mesh.patch(id);
         let tile = patch.element_tile(element);
@@ -106,23 +113,34 @@ pub fn look_about<'a>(mesh: &'a Mesh, elements: &[Place]) -> impl Iterator<Item 
     })
 }
 
-/// The valid samples of the elements, once they have looked about.
-pub fn valid_samples(mesh: &Mesh, elements: &[Place], looks: &[LookAbout<'_>]) -> Vec<u16> {
+/// The valid samples of the elements.
+pub async fn valid_samples(mesh: &Mesh, elements: &[Place], inquiry: &Inquiry<'_>) -> Vec<u32> {
+    let looks = inquiry.follow(look_about(mesh, elements).collect::<Vec<_>>()).await;
     let mut views = looks.iter().map(LookAbout::view);
-    let valid = |&(id, _): &Place| {
+    let mut valid = Vec::with_capacity(elements.len());
+    let mut sampled = Vec::new();
+    for (at, &(id, element)) in elements.iter().enumerate() {
         let patch = mesh.patch(id);
         let middle = views.next().expect("the middle always looks");
         if self::looks(mesh, &patch) == 1 {
-            return if middle == View::Covered { 0 } else { ALL_VALID };
+            valid.push(if middle == View::Covered { 0 } else { ALL_VALID });
+            continue;
         }
-        let views: [View; 16] = std::array::from_fn(|_| views.next().expect("each sample looks"));
+        let views: [View; MIDDLE as usize] = std::array::from_fn(|_| views.next().expect("each sample looks"));
         // An element that is open in part takes its light there; one wholly in a crack is as dark as the crack.
         let wanted = if views.contains(&View::Open) { View::Open } else { View::Crack };
-        let samples = views.iter().enumerate().fold(0u16, |bits, (s, &v)| bits | u16::from(v >= wanted) << s);
-        // A middle without light must not be the sample point: one bit less says so.
-        if middle >= wanted { samples } else { samples & !(1 << order(patch.frame.layout).0[0]) }
-    };
-    elements.iter().map(valid).collect()
+        let bit = |view: View| u32::from(view >= wanted);
+        let samples = views.iter().enumerate().fold(0, |bits, (s, &view)| bits | bit(view) << s);
+        valid.push(if samples == 0 { 0 } else { samples | bit(middle) << MIDDLE });
+        sampled.push((at, Sampled { patch, element, valid: valid[at] }));
+    }
+    let (places, mut sampled): (Vec<usize>, Vec<Sampled>) = sampled.into_iter().unzip();
+    leave_edges(inquiry, &mut sampled).await;
+    // What glows shines into a pocket, too.
+    let glows = |s: &Sampled| mesh.colour(&s.patch, s.patch.first_element + s.element).emits();
+    keep_wider(mesh, inquiry, &mut sampled, glows).await;
+    places.iter().zip(sampled).for_each(|(&at, element)| valid[at] = element.valid);
+    valid
 }
 
 /// Whether a point of a patch is covered, or lies in a crack, while `other`, of the same element, is not or does not: then

@@ -34,13 +34,23 @@ pub fn solve(scene: Scene, element: f64, until: f64) -> Solution {
     solve_refined(scene, [4.0 * element, element], until, |_| 1)
 }
 
+/// Solves a scene by groups, with elements and patches of `element` metres.
+pub fn solve_by_groups(scene: Scene, element: f64) -> Solution {
+    solve_by(Solver::Group(0.01), scene, [element, element], 0.0, |_| 1)
+}
+
 /// Subdivisions of patches, of `choices`, here and there.
 pub fn mixed<const N: usize>(choices: [u8; N]) -> impl Fn(u32) -> u8 {
     move |patch| choices[(patch.wrapping_mul(0x9e37_79b9) >> 8) as usize % N]
 }
 
 /// Solves a scene with patches and elements of these sizes, metres, as far as `until`; the elements of each patch are refined.
-pub fn solve_refined(
+pub fn solve_refined(scene: Scene, sizes: [f64; 2], until: f64, subdivision: impl Fn(u32) -> u8) -> Solution {
+    solve_by(Solver::Plain, scene, sizes, until, subdivision)
+}
+
+fn solve_by(
+    solver: Solver,
     scene: Scene,
     [patch, element]: [f64; 2],
     until: f64,
@@ -50,16 +60,15 @@ pub fn solve_refined(
     let mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
     let subdivisions: Vec<u8> = (0..mesh.patch_count() as u32).map(subdivision).collect();
     let mut mesh = mesh.refined(&scene, &subdivisions, Store::Heap).unwrap();
-    let hierarchy = mesh::hierarchy(&mesh);
+    let hierarchy = Arc::new(mesh::hierarchy(&mesh));
     mesh::find_valid_samples(&mut mesh, &hierarchy);
-    let settings =
-        SolveSettings { solver: Solver::Plain, cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
+    let settings = SolveSettings { solver, cells: 16, shoot: Shoot::Elements, sky: None, shooters_in_flight: 1 };
     let ranks = &mut Communicator::alone();
-    let mut ring = Ring::alone(&mesh, Arc::new(hierarchy));
+    let mut ring = Ring::alone(&mesh, hierarchy);
     let world = World::new(&mut ring, &scene.lights, settings, ranks).unwrap();
     let mut state = State::new(&world, ranks).unwrap();
     let stop = StopRule { until, max_shots: None };
-    solve::plain(&world, &mut ring, &mut state, &stop, ranks, &mut ()).unwrap();
+    solve::solve(&world, &mut ring, &mut state, &stop, ranks, &mut ()).unwrap();
     drop((world, ring));
     let images = scene.images.iter().map(|i| Some(i.bytes.clone())).collect();
     let ledger = Ledger::of(&state);

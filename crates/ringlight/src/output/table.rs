@@ -79,7 +79,7 @@ pub fn write_table(solution: &Solution, out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// Where the light of the `k`-th element of a patch was evaluated, or its middle if it has no such place.
-fn sample_point(patch: &Patch, k: u32, valid: u16) -> DVec3 {
+fn sample_point(patch: &Patch, k: u32, valid: u32) -> DVec3 {
     let middle = || patch.frame.at(patch.element_tile(k).at(Frame::middle(patch.frame.layout)));
     patch.sample_point(k, valid).unwrap_or_else(middle)
 }

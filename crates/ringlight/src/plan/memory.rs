@@ -82,7 +82,7 @@ impl Counts {
     pub fn mesh_bytes(&self) -> u64 {
         self.facets * size::<Facet>()
             + (2 * self.patches + 1) * size::<u32>()
-            + self.elements * size::<u16>()
+            + self.elements * size::<u32>()
             + self.clusters * size::<Cluster>()
             + self.painted
     }
@@ -110,7 +110,7 @@ impl Counts {
         Demand {
             everywhere: PROGRAM + kept + ownership + self.surfaces * SURFACE,
             // Beside the light the bits of valid samples, until they are told to all.
-            owned: self.light_bytes() + self.elements * size::<u16>(),
+            owned: self.light_bytes() + self.elements * size::<u32>(),
             triangles: self.triangles,
             held: HELD,
             building: BUILDING,

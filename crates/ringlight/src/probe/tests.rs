@@ -1,6 +1,6 @@
 use super::*;
 use crate::form_factor;
-use crate::output::fixture::{alone, closed_box, elements, over_ranks, paint, read, solve};
+use crate::output::fixture::{alone, closed_box, elements, over_ranks, paint, read, solve, solve_by_groups};
 use crate::ring::{Rings, Routing};
 use crate::smooth::Smooth;
 use crate::solution::Solution;
@@ -109,7 +109,7 @@ fn points_in_a_box_without_a_bottom_are_inside_though_its_faces_have_two_lit_sid
     // It stands across elements of the floor, which are lit in part.
     let cube = "v 1.1 0 1.1\nv 1.95 0 1.1\nv 1.95 0 1.95\nv 1.1 0 1.95\nv 1.1 .9 1.1\nv 1.95 .9 1.1\nv 1.95 .9 1.95\n\
         v 1.1 .9 1.95\nusemtl grey\no cube\nf -4 -1 -2 -3\nf -8 -4 -3 -7\nf -5 -6 -2 -1\nf -8 -5 -1 -4\nf -7 -3 -2 -6\n";
-    let solution = solve(read(&(room("grey") + LAMP + cube)), 0.25, 0.01);
+    let solution = solve_by_groups(read(&(room("grey") + LAMP + cube)), 0.25);
     for x in [1.13, 1.3, 1.5, 1.9] {
         for y in [0.0, 0.2, 0.6, 0.88] {
             let inner = at([x, y, 1.4], [0.0, 1.0, 0.0]);

@@ -11,7 +11,7 @@ pub struct Interpolation<'a> {
     /// The patch.
     pub patch: &'a Patch,
     /// Free samples of each element.
-    pub valid: &'a [u16],
+    pub valid: &'a [u32],
 }
 
 impl Interpolation<'_> {

@@ -2,7 +2,7 @@
 
 use super::cells::{Interpolation, Sharing};
 use super::shot::{CellLight, FAR, PatchSource, Shoot, Shot, Source};
-use crate::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile};
+use crate::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile, free_share};
 use glam::{DVec2, DVec3};
 use ringlight_visibility::{Cells, Grid, Shooter};
 use std::sync::OnceLock;
@@ -14,7 +14,7 @@ pub struct Field<'a> {
     /// Of each element's free part.
     radiosity: &'a [[f64; 3]],
     /// Free samples of each element.
-    valid: &'a [u16],
+    valid: &'a [u32],
     /// Area average; covered parts are dark.
     mean: [f64; 3],
 }
@@ -44,7 +44,7 @@ impl<'a> Field<'a> {
                 .iter()
                 .enumerate()
                 .map(|(k, b)| {
-                    let free = f64::from(self.valid[k].count_ones()) / 16.0;
+                    let free = free_share(self.valid[k]);
                     b.map(|b| b * self.patch.element_area(k as u32) * free)
                 })
                 .collect();

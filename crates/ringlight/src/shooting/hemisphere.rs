@@ -17,6 +17,8 @@ pub struct Glance<'a> {
     surfaces: u32,
     /// Share of the light behind what it has met that comes through.
     passing: f32,
+    /// What it has met last, and the way that has to be free if that has the element's light.
+    doubted: Option<(u32, f32, Ray)>,
     /// Lit elements that it met, and their shares of what it sees.
     pub seen: Vec<(u32, f32)>,
 }
@@ -55,17 +57,26 @@ impl<'a> Glance<'a> {
             far: f32::INFINITY,
             plane,
         };
-        Glance { mesh, ray, surfaces: 0, passing: 1.0, seen: Vec::new() }
+        Glance { mesh, ray, surfaces: 0, passing: 1.0, doubted: None, seen: Vec::new() }
     }
 }
 
 impl Walk for Glance<'_> {
     fn query(&self) -> Option<Query> {
+        if let Some((.., ray)) = self.doubted {
+            return Some(Query { ray, rule: Rule::All });
+        }
         let goes_on = self.passing >= 1e-3 && self.surfaces < MOST_SURFACES;
         goes_on.then_some(Query { ray: self.ray, rule: Rule::All })
     }
 
     fn answer(&mut self, hit: Option<Hit>) {
+        if let Some((element, share, _)) = self.doubted.take() {
+            if hit.is_none() {
+                self.seen.push((element, share));
+            }
+            return;
+        }
         let Some(hit) = hit else {
             self.passing = 0.0;
             return;
@@ -77,10 +88,13 @@ impl Walk for Glance<'_> {
         let cutout = mesh.occluder.cutout[facet.surface as usize].is_some();
         let coverage = if cutout { 1.0 } else { mesh.occluder.coverage(number, facet) };
         let blocked = if coverage >= OPAQUE_COVERAGE { 1.0 } else { coverage };
-        if let Some(element) = mesh.element_at(&self.ray, hit) {
+        if let Some((element, within)) = mesh.element_at(&self.ray, hit) {
             // What an element returns is less by its coverage already; only what covers is hit of a cut-out.
             let share = if cutout { coverage.max(1e-3) } else { 1.0 };
-            self.seen.push((element, self.passing / share));
+            match mesh.way_out(element, within) {
+                None => self.seen.push((element, self.passing / share)),
+                Some(way) => self.doubted = Some((element, self.passing / share, way)),
+            }
         }
         self.passing *= 1.0 - blocked;
         self.surfaces += 1;

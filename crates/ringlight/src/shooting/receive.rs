@@ -8,7 +8,7 @@ use super::gather::{Received, Role, Spread};
 use super::light::{ClusterLight, ElementLight, unshot_power};
 use super::packet::Packet;
 use super::shot::{Shot, Source};
-use crate::mesh::{ALL_VALID, Mesh, Patch};
+use crate::mesh::{ALL_VALID, Mesh, Patch, area_samples};
 use glam::DVec3;
 use ringlight_visibility::{Cells, Hierarchy, Layout, PreparedShooter, Tally};
 
@@ -193,11 +193,11 @@ impl Work {
             self.push(patch, role, point, name, mask);
             if near {
                 let tile = patch.element_tile(k);
-                for s in (0..16).filter(|s| valid >> s & 1 == 1) {
+                for s in area_samples(valid) {
                     let point = patch.area_sample(&tile, s);
                     self.push(patch, Role::Near, point, name, shot.above_horizon(point, patch.normal));
                 }
-                self.samples[head].followers = valid.count_ones() as u8;
+                self.samples[head].followers = area_samples(valid).count() as u8;
             }
         }
     }

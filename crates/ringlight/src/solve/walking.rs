@@ -15,7 +15,7 @@ type Group<Purpose, W> = (Purpose, Vec<W>);
 
 impl<'a> Ring<'a> {
     /// The valid samples of the elements of own clusters, one cluster after the other. Every rank of the ring calls it.
-    pub fn find_valid_samples(&mut self, ranks: &mut Communicator<'_>) -> Result<Vec<u16>, Failure> {
+    pub fn find_valid_samples(&mut self, ranks: &mut Communicator<'_>) -> Result<Vec<u32>, Failure> {
         let (mesh, share, packet_size) = (self.mesh(), self.share().clone(), self.packet_size());
         let clusters = share.own.iter().map(|&c| &mesh.clusters[c as usize]);
         let mut valid = vec![0; clusters.clone().map(|cluster| cluster.elements.len()).sum()];
@@ -26,8 +26,7 @@ impl<'a> Ring<'a> {
             (first, elements)
         });
         let task = |(first, elements): (usize, Vec<_>), inquiry: Inquiry<'a>| async move {
-            let looks = inquiry.follow(mesh::look_about(mesh, &elements).collect::<Vec<_>>()).await;
-            (first, mesh::valid_samples(mesh, &elements, &looks))
+            (first, mesh::valid_samples(mesh, &elements, &inquiry).await)
         };
         self.ask(ranks, parts, task, |(first, found)| valid[first..][..found.len()].copy_from_slice(&found))?;
         Ok(valid)
