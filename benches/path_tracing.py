@@ -42,7 +42,7 @@ TIME = {
 # Group shooting (`--solver group`): patch and element size, the error asked for, and how often elements may be cut in nine.
 GROUP = {
     "cornell": [(0.033, 0.033, *how) for how in [(0.02, 0), (0.01, 0), (0.005, 0), (0.005, 1), (0.003, 1), (0.0015, 1)]],
-    "office": [(OFFICE, OFFICE, *how) for how in [(0.03, 0), (0.01, 0), (0.01, 1), (0.004, 1), (0.01, 2)]],
+    "office": [(OFFICE, OFFICE, *how) for how in [(0.03, 0), (0.01, 0), (0.01, 1), (0.007, 1), (0.005, 1)]],
 }
 SERIES = ["time", *VARIED, "group"]
 
