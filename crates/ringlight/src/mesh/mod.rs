@@ -130,6 +130,21 @@ pub struct Patch {
     pub grid: [u32; 2],
 }
 
+/// Whether a point has the light of its element.
+#[derive(Clone, Copy, Debug)]
+pub enum Holding {
+    /// It does: it lies in a free sample, or its element has none.
+    Sure,
+    /// It lies beside a free sample: it does if nothing is on the way to where the element's light was found.
+    IfFree(Ray),
+    /// It lies far from all free samples: deep in a crack.
+    Dark,
+}
+
+/// Points nearer to the middle of a free sample than this share of the element's width lie beside it. Samples are a quarter apart: of
+/// one whose middle is covered, what is open lies in the half beside a free one.
+const BESIDE: f64 = 0.3;
+
 impl Mesh {
     /// Number of patches.
     pub fn patch_count(&self) -> usize {
@@ -235,21 +250,25 @@ impl Mesh {
         })
     }
 
-    /// From a point of an element which others cover, or which lies in a pocket, the way to the point where the element's light was
-    /// found: if that is free, so is the point. None for points of free samples, and for elements that have none.
-    pub fn way_out(&self, element: u32, within: DVec2) -> Option<Ray> {
+    /// Whether a point of an element has the element's light.
+    pub fn holding(&self, element: u32, within: DVec2) -> Holding {
         let valid = self.valid[element as usize];
         if valid == 0 || valid == ALL_VALID {
-            return None;
+            return Holding::Sure;
         }
         let patch = self.patch(self.patch_of(element));
         let layout = patch.frame.layout;
         if valid >> Tile::find(layout, [4, 4], within).0 & 1 == 1 {
-            return None;
+            return Holding::Sure;
         }
+        let middle = Frame::middle(layout);
+        let beside = |s| (Tile::of(layout, [4, 4], s).at(middle) - within).length() < BESIDE;
+        let Some(to) = sample_parameters(layout, valid).filter(|_| area_samples(valid).any(beside)) else {
+            return Holding::Dark;
+        };
         let tile = patch.element_tile(element - patch.first_element);
-        let [from, to] = [within, sample_parameters(layout, valid)?].map(|at| patch.frame.at(tile.at(at)));
-        Some(sides::across(&patch, from, to))
+        let [from, to] = [within, to].map(|at| patch.frame.at(tile.at(at)));
+        Holding::IfFree(sides::across(&patch, from, to))
     }
 
     /// The cluster that holds patch `id`.

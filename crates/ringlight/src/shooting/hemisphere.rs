@@ -2,7 +2,7 @@
 
 use super::emitter::sine_cosine;
 use crate::mesh::walk::{Query, Rule, Walk};
-use crate::mesh::{Mesh, OPAQUE_COVERAGE, RELATIVE_TOLERANCE};
+use crate::mesh::{Holding, Mesh, OPAQUE_COVERAGE, RELATIVE_TOLERANCE};
 use glam::DVec3;
 use ringlight_visibility::{Hit, NO_PLANE, Ray};
 
@@ -91,9 +91,10 @@ impl Walk for Glance<'_> {
         if let Some((element, within)) = mesh.element_at(&self.ray, hit) {
             // What an element returns is less by its coverage already; only what covers is hit of a cut-out.
             let share = if cutout { coverage.max(1e-3) } else { 1.0 };
-            match mesh.way_out(element, within) {
-                None => self.seen.push((element, self.passing / share)),
-                Some(way) => self.doubted = Some((element, self.passing / share, way)),
+            match mesh.holding(element, within) {
+                Holding::Sure => self.seen.push((element, self.passing / share)),
+                Holding::IfFree(way) => self.doubted = Some((element, self.passing / share, way)),
+                Holding::Dark => (),
             }
         }
         self.passing *= 1.0 - blocked;
@@ -106,6 +107,7 @@ impl Walk for Glance<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::fixture::{closed_box, read, solve_by_groups};
 
     #[test]
     fn directions_stand_for_equal_shares_of_irradiance() {
@@ -121,5 +123,33 @@ mod tests {
         let (t, u) = normal.any_orthonormal_pair();
         let sum: DVec3 = all.iter().sum();
         assert!(sum.dot(t).abs() < 2.0 && sum.dot(u).abs() < 2.0, "{sum}");
+    }
+
+    /// A box of white faces between two corners.
+    fn block([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> String {
+        let mut obj = String::from("usemtl white\n");
+        for [x, y, z] in [ay, by].iter().flat_map(|&y| [[ax, y, az], [bx, y, az], [bx, y, bz], [ax, y, bz]]) {
+            obj += &format!("v {x} {y} {z}\n");
+        }
+        obj + "f -8 -7 -6 -5\nf -4 -1 -2 -3\nf -8 -4 -3 -7\nf -7 -3 -2 -6\nf -6 -2 -1 -5\nf -5 -1 -4 -8\n"
+    }
+
+    #[test]
+    fn light_on_the_open_part_of_an_element_does_not_shine_deep_in_a_crack() {
+        // Two books of which one juts out, 2 mm apart: elements are as large as their sides.
+        let books = block([0.40, 0.2, 0.40], [0.44, 0.4, 0.60]) + &block([0.442, 0.2, 0.45], [0.48, 0.4, 0.60]);
+        let solution = solve_by_groups(read(&(closed_box("glow") + &books)), 0.2);
+        let mesh = &solution.mesh;
+        let light = |x: f64, normal: DVec3| {
+            let side = |id: &u32| {
+                let patch = mesh.patch(*id);
+                patch.normal.dot(normal) > 0.99 && (mesh.to_world(patch.frame.origin).x - x).abs() < 1e-6
+            };
+            let patch = mesh.patch((0..mesh.patch_count() as u32).find(side).unwrap());
+            assert_eq!(patch.element_count(), 1);
+            solution.irradiance(patch.first_element)[1]
+        };
+        let (open, crack) = (light(0.44, DVec3::X), light(0.442, -DVec3::X));
+        assert!(open > 1.0 && crack < 0.05 * open, "{open} {crack}");
     }
 }
