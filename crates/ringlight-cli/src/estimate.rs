@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 use ringlight::mesh::{Frame, Mesh, Patch, walk};
-use ringlight::shooting::Glance;
+use ringlight::shooting::{Glance, spiral};
 use ringlight_visibility::Hierarchy;
 use std::time::Instant;
 
@@ -94,16 +94,16 @@ fn facing_share(mesh: &Mesh) -> f64 {
 
 /// Rays that elements follow over their hemispheres, on all threads, per second; measured for `seconds`.
 pub fn looks_per_second(mesh: &Mesh, hierarchy: &Hierarchy, seconds: f64) -> f64 {
-    const RAYS: u32 = 64;
+    let directions = spiral(64);
     let patches: Vec<Patch> = sample(mesh, SAMPLES).0.collect();
     let look = |patch: &Patch, turn: u32| {
         let number = turn % patch.element_count();
         let valid = mesh.valid[(patch.first_element + number) as usize];
         let Some(point) = patch.sample_point(number, valid) else { return 0 };
-        for ray in 0..RAYS {
-            walk::run(mesh, hierarchy, Glance::new(mesh, point, (patch.normal, patch.plane), (ray, RAYS)));
+        for glance in Glance::about(mesh, point, (patch.normal, patch.plane), &directions) {
+            walk::run(mesh, hierarchy, glance);
         }
-        u64::from(RAYS)
+        directions.len() as u64
     };
     let start = Instant::now();
     let mut rays = 0;

@@ -6,7 +6,7 @@ use std::cell::Cell;
 use crate::build::{Child, Node, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
 use crate::lanes::{Lanes, splat};
-use crate::predicate::{Prepared, SHAFT_MARGIN, ray_hit};
+use crate::predicate::{SHAFT_MARGIN, ray_hit};
 use crate::{Hierarchy, Hit, NO_PLANE, Ray, Triangle};
 
 thread_local! {
@@ -54,7 +54,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
                         if triangle.plane == ray.plane && ray.plane != NO_PLANE {
                             continue;
                         }
-                        if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
+                        if let Some(hit) = ray_hit(triangle, &hierarchy.filters, ray)
                             && hit.is_nearer(&best)
                             && accept(triangle)
                         {

@@ -222,7 +222,9 @@ pub(crate) fn barycentric(triangle: &Triangle, t: &Prepared, weights: [f32; 3]) 
 }
 
 /// The hit of one ray with one triangle, plane ids apart: the same edge functions with the ray's direction for the cell.
-pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray: &Ray) -> Option<Hit> {
+#[inline(always)]
+pub(crate) fn ray_hit(triangle: &Triangle, filters: &[Filter], ray: &Ray) -> Option<Hit> {
+    let t = &Prepared::new(triangle);
     let (normals, height) = t.planes(ray.origin);
     let sign = 1f32.copysign(height);
     let rise = sign * dot(t.normal, ray.direction);
@@ -234,6 +236,18 @@ pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray
     if !is_inside(inside, inside.map(|e| e + allowance), allowance) {
         return None;
     }
+    met(triangle, t, filters, ray, (height, rise, inside))
+}
+
+/// The rest of [`ray_hit`], for rays that pass between the edges: height, rise and edge functions as there.
+#[inline(never)]
+fn met(
+    triangle: &Triangle,
+    t: &Prepared,
+    filters: &[Filter],
+    ray: &Ray,
+    (height, rise, inside): (f32, f32, [f32; 3]),
+) -> Option<Hit> {
     let mut way = height.abs() / rise;
     if rise < t.grazing() * norm(ray.direction) {
         let margin = BOX_MARGIN * distance(t, ray.origin);

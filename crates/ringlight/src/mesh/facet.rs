@@ -2,8 +2,8 @@
 
 use super::{Frame, NONE, Tile};
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
-use ringlight_visibility::Layout;
+use glam::{DVec2, DVec3, Vec3};
+use ringlight_visibility::{Hit, Layout, Ray};
 use std::ops::Range;
 
 /// A flat triangle or convex quadrilateral of the input; cut into patches on a grid.
@@ -36,6 +36,9 @@ pub struct Facet {
     pub elements: [u16; 2],
 }
 
+/// A quadrilateral is a parallelogram if opposite sides differ by less than this share of its diagonal.
+const STRAIGHT: f32 = 1e-5;
+
 impl Facet {
     /// Quadrilateral or triangle.
     pub fn layout(&self) -> Layout {
@@ -56,6 +59,23 @@ impl Facet {
         }
     }
 
+    /// The parameters of the point where a ray hits.
+    pub fn parameters_at(&self, ray: &Ray, hit: &Hit) -> DVec2 {
+        let [a, b, c, d] = self.corners;
+        let [second, third] = hit.barycentric.map(f64::from);
+        let at = match self.layout() {
+            Layout::Triangle => DVec2::new(second, third),
+            Layout::Quad if ((c - b) - (d - a)).abs().max_element() > STRAIGHT * (c - a).abs().max_element() => {
+                let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
+                self.frame().parameters(origin + f64::from(hit.distance) * direction)
+            }
+            // Of its two triangles, see [`super::hierarchy`].
+            Layout::Quad if hit.triangle & 1 == 0 => DVec2::new(second + third, third),
+            Layout::Quad => DVec2::new(second, second + third),
+        };
+        at.clamp(DVec2::ZERO, DVec2::ONE)
+    }
+
     /// Number of patches of one side.
     pub fn patch_count(&self) -> u32 {
         u32::from(self.patches[0]) * u32::from(self.patches[1])
@@ -74,7 +94,10 @@ impl Facet {
     /// Into how many parts each side of an unrefined element is cut in a patch of `count` elements: 1 if it is not refined.
     pub fn subdivision(&self, count: u32) -> u32 {
         let [columns, rows] = self.elements.map(u32::from);
-        (count / (columns * rows)).isqrt()
+        match count / (columns * rows) {
+            1 => 1,
+            parts => parts.isqrt(),
+        }
     }
 
     /// Columns and rows of elements in a patch that has `count` of them.

@@ -241,11 +241,9 @@ impl Mesh {
     /// The element that a ray hits, and where within it; none if it hits an unlit back.
     pub fn element_at(&self, ray: &Ray, hit: Hit) -> Option<(u32, DVec2)> {
         let facet = &self.facets[(hit.triangle >> 1) as usize];
-        let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
-        let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
         let lit = hit.front || facet.double_sided();
         lit.then(|| {
-            let (_, element, within) = self.find_element(facet, !hit.front, at.clamp(DVec2::ZERO, DVec2::ONE));
+            let (_, element, within) = self.find_element(facet, !hit.front, facet.parameters_at(ray, &hit));
             (element, within)
         })
     }

@@ -2,7 +2,7 @@
 
 use crate::mesh::Mesh;
 use crate::mesh::walk::{Query, Rule};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use ringlight_visibility::{Hit, Ray};
 
 /// A lit side of a surface, met by a ray.
@@ -31,11 +31,9 @@ pub fn sight(ray: Ray) -> Query {
 
 /// The place at which a ray of sight hits a facet.
 pub fn seen(mesh: &Mesh, ray: &Ray, hit: Hit) -> Seen {
-    let [origin, direction] = [ray.origin, ray.direction].map(|v| DVec3::from(v.map(f64::from)));
     let facet = &mesh.facets[(hit.triangle >> 1) as usize];
-    let at = facet.frame().parameters(origin + f64::from(hit.distance) * direction);
     let back = facet.double_sided() && !hit.front;
-    let (patch, element, within) = mesh.find_element(facet, back, at.clamp(DVec2::ZERO, DVec2::ONE));
+    let (patch, element, within) = mesh.find_element(facet, back, facet.parameters_at(ray, &hit));
     let [b, c] = hit.barycentric;
     Seen {
         distance: hit.distance,

@@ -5,6 +5,7 @@ use crate::mesh::walk::{Query, Rule, Walk};
 use crate::mesh::{Holding, Mesh, OPAQUE_COVERAGE, RELATIVE_TOLERANCE};
 use glam::DVec3;
 use ringlight_visibility::{Hit, NO_PLANE, Ray};
+use smallvec::SmallVec;
 
 /// Surfaces behind each other after which a ray is given up.
 const MOST_SURFACES: u32 = 64;
@@ -20,44 +21,43 @@ pub struct Glance<'a> {
     /// What it has met last, and the way that has to be free if that has the element's light.
     doubted: Option<(u32, f32, Ray)>,
     /// Lit elements that it met, and their shares of what it sees.
-    pub seen: Vec<(u32, f32)>,
+    pub seen: SmallVec<[(u32, f32); 1]>,
 }
 
-/// Direction `number` of `count`: points of a disc along a spiral that turns by the golden ratio (Vogel 1979). No line holds more
-/// than a few of them: no edge of a surface, however it lies, is crossed by many at once.
-fn spiral(number: u32, count: u32) -> (f64, f64) {
+/// `count` directions about the z axis, each of which stands for as much irradiance (Malley): above points of a disc along a spiral that
+/// turns by the golden ratio (Vogel 1979). No line holds more than a few of them: no edge of a surface, however it lies, is crossed by
+/// many at once.
+pub fn spiral(count: u32) -> Vec<DVec3> {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
-    ((f64::from(number) + 0.5) / f64::from(count), (f64::from(number) * GOLDEN).fract())
+    let place = |number: f64| ((number + 0.5) / f64::from(count), (number * GOLDEN).fract());
+    (0..count).map(|number| above_disc(place(number.into()))).collect()
 }
 
-/// The direction about a unit normal above a point of the unit disc, of which `share` lies nearer to the middle and which is
-/// turned by `turn` (Malley): where these are even, each direction stands for as much irradiance.
-fn direction(normal: DVec3, (share, turn): (f64, f64)) -> DVec3 {
+/// The direction about the z axis above a point of the unit disc, of which `share` lies nearer to the middle and which is turned by
+/// `turn`.
+fn above_disc((share, turn): (f64, f64)) -> DVec3 {
     let (sine, cosine) = sine_cosine(turn);
-    let (t, u) = normal.any_orthonormal_pair();
-    share.sqrt() * (cosine * t + sine * u) + (1.0 - share).sqrt() * normal
+    DVec3::new(share.sqrt() * cosine, share.sqrt() * sine, (1.0 - share).sqrt())
 }
 
 impl<'a> Glance<'a> {
-    /// Number `number` of `count` from a point of a plane whose lit side has this normal, each of which stands for as much
-    /// of what arrives there.
-    pub fn new(mesh: &'a Mesh, point: DVec3, side: (DVec3, u32), (number, count): (u32, u32)) -> Glance<'a> {
-        Glance::along(mesh, point, side, spiral(number, count))
+    /// From a point of a plane whose lit side has this normal in directions about it, given about the z axis.
+    pub fn about(mesh: &'a Mesh, point: DVec3, (normal, plane): (DVec3, u32), directions: &[DVec3]) -> Vec<Glance<'a>> {
+        // Just above the surface, lest rounding lets a flat ray pass under a neighbour's edge.
+        let origin = (point + RELATIVE_TOLERANCE * mesh.diagonal * normal).as_vec3().to_array();
+        let (t, u) = normal.any_orthonormal_pair();
+        let glance = |d: &DVec3| {
+            let direction = (d.x * t + d.y * u + d.z * normal).as_vec3().to_array();
+            let ray = Ray { origin, direction, near: 0.0, far: f32::INFINITY, plane };
+            Glance { mesh, ray, surfaces: 0, passing: 1.0, doubted: None, seen: SmallVec::new() }
+        };
+        directions.iter().map(glance).collect()
     }
 
     /// From a point of a plane whose lit side has this normal, in the direction above a point of the unit disc, of which the first of
     /// two shares lies nearer to the middle and which is turned by the second: evenly spread ones send and receive as much.
-    pub fn along(mesh: &'a Mesh, point: DVec3, (normal, plane): (DVec3, u32), disc: (f64, f64)) -> Glance<'a> {
-        // Just above the surface, lest rounding lets a flat ray pass under a neighbour's edge.
-        let origin = point + RELATIVE_TOLERANCE * mesh.diagonal * normal;
-        let ray = Ray {
-            origin: origin.as_vec3().to_array(),
-            direction: direction(normal, disc).as_vec3().to_array(),
-            near: 0.0,
-            far: f32::INFINITY,
-            plane,
-        };
-        Glance { mesh, ray, surfaces: 0, passing: 1.0, doubted: None, seen: Vec::new() }
+    pub fn along(mesh: &'a Mesh, point: DVec3, side: (DVec3, u32), disc: (f64, f64)) -> Glance<'a> {
+        Glance::about(mesh, point, side, &[above_disc(disc)]).remove(0)
     }
 }
 
@@ -111,18 +111,16 @@ mod tests {
 
     #[test]
     fn directions_stand_for_equal_shares_of_irradiance() {
-        let normal = DVec3::new(0.6, 0.0, -0.8);
-        let count = 500;
-        let all: Vec<DVec3> = (0..count).map(|i| direction(normal, spiral(i, count))).collect();
+        let (normal, count) = (DVec3::Z, 500);
+        let all = spiral(count);
         assert!(all.iter().all(|d| (d.length() - 1.0).abs() < 1e-12 && d.dot(normal) > 0.0));
         // Within any cone about the normal there are as many as its projected area says, and their sum is along it.
         for share in [0.1, 0.5, 0.9] {
             let within = all.iter().filter(|d| 1.0 - d.dot(normal).powi(2) < share).count();
             assert!((within as f64 - share * f64::from(count)).abs() <= 1.0);
         }
-        let (t, u) = normal.any_orthonormal_pair();
         let sum: DVec3 = all.iter().sum();
-        assert!(sum.dot(t).abs() < 2.0 && sum.dot(u).abs() < 2.0, "{sum}");
+        assert!(sum.x.abs() < 2.0 && sum.y.abs() < 2.0, "{sum}");
     }
 
     /// A box of white faces between two corners.

@@ -22,7 +22,7 @@ pub use emitter::{Emitter, emitters, skies};
 pub use faces::{Between, Faces};
 pub use far::{FarCells, FarReceivers, FarWork, Share};
 pub use field::{Field, WHOLE, has_free_cell};
-pub use hemisphere::Glance;
+pub use hemisphere::{Glance, spiral};
 pub use light::{ClusterLight, ElementLight, PatchLight, radiosity, unshot_power, unshot_radiosity};
 pub use packet::Packet;
 pub use receive::{Work, add_received, collect, receive};

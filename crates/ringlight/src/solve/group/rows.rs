@@ -5,7 +5,7 @@
 
 use super::passes::Arrived;
 use crate::mesh::{Inquiry, Mesh, Patch};
-use crate::shooting::{Faces, Glance, Radiosity, Receivers, strength};
+use crate::shooting::{Faces, Glance, Radiosity, Receivers, spiral, strength};
 use glam::DVec3;
 use ringlight_visibility::Tally;
 
@@ -75,9 +75,10 @@ impl Around<'_> {
         }
         let count = (share * usual).ceil() as u32;
         let mut rows = Rows::default();
+        let directions = spiral(count);
         for outlook in &outlooks {
-            let glances = self.look(outlook, count, inquiry, &mut tally).await;
-            rows.push(outlook.element, glances, count, self.faces);
+            let glances = self.look(outlook, &directions, inquiry, &mut tally).await;
+            rows.push(outlook.element, glances, self.faces);
         }
         rows.seen.shrink_to_fit();
         (rows, tally)
@@ -86,8 +87,9 @@ impl Around<'_> {
     /// How much differs what the receivers see, by a few rays of each.
     async fn contrast(&self, outlooks: &[Outlook<'_>], inquiry: &Inquiry<'_>, tally: &mut Tally) -> f32 {
         let mut variance = 0.0;
+        let directions = spiral(ROUGH);
         for outlook in outlooks {
-            let glances = self.look(outlook, ROUGH, inquiry, tally).await;
+            let glances = self.look(outlook, &directions, inquiry, tally).await;
             let of = |glance: &Glance<'_>| {
                 glance.seen.iter().map(|&(e, share)| share * strength(self.reflected[e as usize])).sum::<f32>()
             };
@@ -102,18 +104,17 @@ impl Around<'_> {
         (variance / outlooks.len().max(1) as f32).sqrt()
     }
 
-    /// What is seen along `count` rays.
+    /// What is seen in some directions about the normal.
     async fn look<'a>(
         &'a self,
         outlook: &Outlook<'_>,
-        count: u32,
+        directions: &[DVec3],
         inquiry: &Inquiry<'_>,
         tally: &mut Tally,
     ) -> Vec<Glance<'a>> {
         let Patch { normal, plane, .. } = *outlook.patch;
-        let glance = |number| Glance::new(self.mesh, outlook.point, (normal, plane), (number, count));
-        tally.rays += u64::from(count);
-        inquiry.follow((0..count).map(glance).collect::<Vec<_>>()).await
+        tally.rays += directions.len() as u64;
+        inquiry.follow(Glance::about(self.mesh, outlook.point, (normal, plane), directions)).await
     }
 }
 
@@ -129,15 +130,16 @@ fn power(x: f32) -> f32 {
 }
 
 impl Rows {
-    /// Adds what an element sees along `count` rays.
-    fn push(&mut self, element: u32, glances: Vec<Glance<'_>>, count: u32, faces: &Faces) {
+    /// Adds what an element sees.
+    fn push(&mut self, element: u32, glances: Vec<Glance<'_>>, faces: &Faces) {
+        let count = glances.len() as f32;
         let seen = glances.into_iter().flat_map(|glance| glance.seen);
         let mut seen: Vec<(u32, f32)> = seen.map(|(e, share)| (faces.representative(e), share)).collect();
-        seen.sort_by_key(|(element, _)| *element);
+        seen.sort_unstable_by_key(|(element, _)| *element);
         let start = self.seen.len();
         for of_one in seen.chunk_by(|a, b| a.0 == b.0) {
             let share = of_one.iter().map(|(_, share)| share).sum::<f32>();
-            self.seen.push((of_one[0].0, share / count as f32));
+            self.seen.push((of_one[0].0, share / count));
         }
         self.rows.push((element, (self.seen.len() - start) as u32));
     }
