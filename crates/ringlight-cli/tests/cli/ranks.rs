@@ -112,9 +112,10 @@ fn every_rank_reports() {
     for (key, total) in [("patches", "patches"), ("elements", "elements")] {
         assert_eq!(all(key).iter().sum::<f64>(), report["scene"][total].as_f64().unwrap(), "{key}");
     }
-    // The first ring is one rank with all of the geometry, the second two with a part each.
+    // The first ring is one rank with all of the geometry; the second two, who share it as their load by the clock lets it move: on a
+    // busy machine one may end with all of so little.
     let [whole, a, b] = *all("shard_triangles") else { panic!("there are three ranks") };
-    assert!(whole == 16.0 && a + b == 16.0 && a > 0.0 && b > 0.0);
+    assert_eq!((whole, a + b), (16.0, 16.0));
     assert!(all("busy_seconds").iter().all(|&seconds| seconds > 0.0));
     assert!(all("wait_seconds").iter().all(|&seconds| seconds >= 0.0));
     assert!(all("wait_seconds").iter().any(|&seconds| seconds > 0.0));
