@@ -100,7 +100,7 @@ pub fn looks_per_second(mesh: &Mesh, hierarchy: &Hierarchy, seconds: f64) -> f64
         let number = turn % patch.element_count();
         let valid = mesh.valid[(patch.first_element + number) as usize];
         let Some(point) = patch.sample_point(number, valid) else { return 0 };
-        for glance in Glance::about(mesh, point, (patch.normal, patch.plane), &directions) {
+        for glance in Glance::about(mesh, &[(point, patch.plane)], patch.normal, &directions) {
             walk::run(mesh, hierarchy, glance);
         }
         directions.len() as u64

@@ -116,7 +116,7 @@ impl Task for Hitting<'_> {
             let any = self.boxes.any(
                 [ray.plane; 2],
                 #[inline(always)]
-                |node| passed(machine, node, ray.origin, inverse, far).0,
+                |node| passed(machine, node, (ray.origin, ray.origin), inverse, far).0,
             );
             if any {
                 return true;

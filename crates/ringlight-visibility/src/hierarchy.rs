@@ -2,8 +2,10 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use crate::beam::Beam;
 use crate::build::{Bounds, Node, build};
 use crate::items::SINGLE;
+use crate::packet::PACKET;
 use crate::plan::Plan;
 use crate::predicate::is_sliver;
 use crate::{Filter, InstructionSet, OPAQUE, Points, PreparedShooter, Shooter, Triangle, mask, nearest};
@@ -84,6 +86,9 @@ pub struct Hierarchy {
     instruction_set: InstructionSet,
 }
 
+/// Fewer parallel rays are quicker one by one.
+const LEAST_BEAM: usize = 3;
+
 /// Cells of the shooters that screens are made ready for.
 const USUAL_COUNTS: [usize; 4] = [1, 4, 16, 64];
 
@@ -138,6 +143,23 @@ impl Hierarchy {
     /// The nearest hit among the triangles that `accept` takes.
     pub fn nearest_hit_where(&self, ray: &Ray, accept: impl Fn(&Triangle) -> bool) -> Option<Hit> {
         self.instruction_set.run(nearest::Nearest { hierarchy: self, ray, accept })
+    }
+
+    /// The nearest hits of several rays. Fastest where those that follow each other have the same direction and start near
+    /// each other.
+    pub fn nearest_hits(&self, rays: &[Ray]) -> Vec<Option<Hit>> {
+        let mut found = vec![None; rays.len()];
+        let mut hits = found.as_mut_slice();
+        for beam in rays.chunk_by(|a, b| a.direction == b.direction).flat_map(|parallel| parallel.chunks(PACKET)) {
+            let (of_beam, rest) = hits.split_at_mut(beam.len());
+            hits = rest;
+            if beam.len() < LEAST_BEAM {
+                of_beam.iter_mut().zip(beam).for_each(|(hit, ray)| *hit = self.nearest_hit(ray));
+            } else {
+                self.instruction_set.run(Beam { hierarchy: self, rays: beam, hits: of_beam });
+            }
+        }
+        found
     }
 
     /// The triangles, in the hierarchy's order, without the slivers.

@@ -9,6 +9,7 @@
 
 #![forbid(unsafe_code)]
 
+mod beam;
 mod boxes;
 mod build;
 mod descent;

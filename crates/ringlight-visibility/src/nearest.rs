@@ -5,8 +5,8 @@ use std::cell::Cell;
 
 use crate::build::{Child, Node, STACK, Target, WIDTH};
 use crate::instruction_set::{Machine, Task};
-use crate::lanes::{Lanes, splat};
-use crate::predicate::{SHAFT_MARGIN, ray_hit};
+use crate::lanes::{LaneVector, Lanes, splat};
+use crate::predicate::{Prepared, SHAFT_MARGIN, Vector, ray_hit};
 use crate::{Hierarchy, Hit, NO_PLANE, Ray, Triangle};
 
 thread_local! {
@@ -54,7 +54,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
                         if triangle.plane == ray.plane && ray.plane != NO_PLANE {
                             continue;
                         }
-                        if let Some(hit) = ray_hit(triangle, &hierarchy.filters, ray)
+                        if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), &hierarchy.filters, ray)
                             && hit.is_nearer(&best)
                             && accept(triangle)
                         {
@@ -66,7 +66,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
                     looked_at += 1;
                     let node = &hierarchy.nodes[number];
                     let far = best.map_or(ray.far, |b| b.distance);
-                    let (mut hits, enters) = passed(machine, node, ray.origin, inverse, far);
+                    let (mut hits, enters) = passed(machine, node, (ray.origin, ray.origin), inverse, far);
                     let above = stack.len();
                     while hits != 0 {
                         let i = hits.trailing_zeros() as usize;
@@ -82,7 +82,7 @@ impl<F: Fn(&Triangle) -> bool> Task for Nearest<'_, F> {
                 }
             }
         }
-        LOOKED_AT.set(LOOKED_AT.get() + looked_at);
+        count_looks(looked_at);
         best
     }
 }
@@ -93,13 +93,18 @@ pub(crate) fn inverse(ray: &Ray) -> [f32; 3] {
     ray.direction.map(|d| if d.abs() > 1e-30 { 1.0 / d } else { 1e30f32.copysign(d) })
 }
 
-/// The children whose boxes the ray passes before `far`, as bits, and where it enters them. Boxes grow with their
-/// distance, see [`SHAFT_MARGIN`].
+/// Counts nodes and triangles that have been looked at, see [`searched`].
+pub(crate) fn count_looks(looked_at: u64) {
+    LOOKED_AT.set(LOOKED_AT.get() + looked_at);
+}
+
+/// The children whose boxes some ray of this direction may pass before `far`, as bits, and where it may enter them, for rays that
+/// start within the box of `origins`.
 #[inline(always)]
 pub(crate) fn passed<M: Machine>(
     machine: M,
     node: &Node,
-    origin: [f32; 3],
+    origins: (Vector, Vector),
     inverse: [f32; 3],
     far: f32,
 ) -> (u32, [f32; WIDTH]) {
@@ -108,22 +113,34 @@ pub(crate) fn passed<M: Machine>(
         let mut low = splat(machine, [0.0; 3]);
         let mut high = low;
         for i in 0..3 {
-            low[i] = Lanes::new(machine, M::as_simd_f32s(&node.low[i]).0[chunk]) - origin[i];
-            high[i] = Lanes::new(machine, M::as_simd_f32s(&node.high[i]).0[chunk]) - origin[i];
+            low[i] = Lanes::new(machine, M::as_simd_f32s(&node.low[i]).0[chunk]) - origins.1[i];
+            high[i] = Lanes::new(machine, M::as_simd_f32s(&node.high[i]).0[chunk]) - origins.0[i];
         }
-        let farthest =
-            [low[0].abs().max(high[0].abs()), low[1].abs().max(high[1].abs()), low[2].abs().max(high[2].abs())];
-        let margin = ((farthest[0] + farthest[1]) + farthest[2]) * SHAFT_MARGIN;
-        let mut enter = Lanes::splat(machine, 0.0);
-        let mut leave = Lanes::splat(machine, far);
-        for i in 0..3 {
-            let (s, t) = ((low[i] - margin) * inverse[i], (high[i] + margin) * inverse[i]);
-            enter = enter.max(s.min(t));
-            leave = leave.min(s.max(t));
-        }
+        let (through, enter) = through(machine, (low, high), inverse, Lanes::splat(machine, far));
         let filled = high[0].at_least(low[0]);
-        bits |= machine.bits(machine.and_m32s(filled, leave.at_least(enter))) << (chunk * M::F32_LANES);
+        bits |= machine.bits(machine.and_m32s(filled, through)) << (chunk * M::F32_LANES);
         M::as_mut_simd_f32s(&mut enters).0[chunk] = enter.value;
     }
     (bits, enters)
+}
+
+/// Whether boxes, as seen from the rays' starts, are passed before `far`, and where they are entered. Boxes grow with their
+/// distance, see [`SHAFT_MARGIN`].
+#[inline(always)]
+pub(crate) fn through<M: Machine>(
+    machine: M,
+    (low, high): (LaneVector<M>, LaneVector<M>),
+    inverse: [f32; 3],
+    far: Lanes<M>,
+) -> (M::m32s, Lanes<M>) {
+    let farthest = [low[0].abs().max(high[0].abs()), low[1].abs().max(high[1].abs()), low[2].abs().max(high[2].abs())];
+    let margin = ((farthest[0] + farthest[1]) + farthest[2]) * SHAFT_MARGIN;
+    let mut enter = Lanes::splat(machine, 0.0);
+    let mut leave = far;
+    for i in 0..3 {
+        let (s, t) = ((low[i] - margin) * inverse[i], (high[i] + margin) * inverse[i]);
+        enter = enter.max(s.min(t));
+        leave = leave.min(s.max(t));
+    }
+    (leave.at_least(enter), enter)
 }

@@ -221,10 +221,10 @@ pub(crate) fn barycentric(triangle: &Triangle, t: &Prepared, weights: [f32; 3]) 
     })
 }
 
-/// The hit of one ray with one triangle, plane ids apart: the same edge functions with the ray's direction for the cell.
+/// The hit of one ray with one triangle, prepared, plane ids apart: the same edge functions with the ray's direction for the
+/// cell.
 #[inline(always)]
-pub(crate) fn ray_hit(triangle: &Triangle, filters: &[Filter], ray: &Ray) -> Option<Hit> {
-    let t = &Prepared::new(triangle);
+pub(crate) fn ray_hit(triangle: &Triangle, t: &Prepared, filters: &[Filter], ray: &Ray) -> Option<Hit> {
     let (normals, height) = t.planes(ray.origin);
     let sign = 1f32.copysign(height);
     let rise = sign * dot(t.normal, ray.direction);

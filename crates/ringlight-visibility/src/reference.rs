@@ -42,7 +42,7 @@ pub fn nearest_hit(triangles: &[Triangle], filters: &[Filter], ray: &Ray) -> Opt
         if ray.plane != NO_PLANE && ray.plane == triangle.plane {
             continue;
         }
-        if let Some(hit) = ray_hit(triangle, filters, ray)
+        if let Some(hit) = ray_hit(triangle, &Prepared::new(triangle), filters, ray)
             && hit.is_nearer(&best)
         {
             best = Some(hit);

@@ -45,6 +45,43 @@ proptest! {
 
     /// Parts of a scene asked one after the other, those passed by whose box the ray cannot meet.
     #[test]
+    fn hits_of_beams_are_those_of_their_rays(seed: u64, count in 0usize..400) {
+        let random = &mut Random(seed);
+        let place = Place::random(random);
+        let filters = filters(random);
+        let triangles = triangles(random, place, count, filters.len());
+        let hierarchies = hierarchies(&triangles, &filters);
+        for _ in 0..12 {
+            let towards = if random.below(3) == 0 { random.lattice() } else { random.vector() };
+            let mut direction = if random.below(2) == 0 { towards } else { towards.map(|c| c * place.scale) };
+            if random.below(4) == 0 {
+                direction[random.below(3)] = 0.0;
+            }
+            // From beside each other to anywhere.
+            let (middle, spread) = (random.vector(), [0.0, 0.01, 0.2, 1.0][random.below(4)]);
+            let ray = |random: &mut Random| {
+                let off = random.vector();
+                let origin = match random.below(6) {
+                    0 => random.lattice(),
+                    _ => std::array::from_fn(|i| middle[i] + spread * off[i]),
+                };
+                Ray {
+                    origin: place.at(origin),
+                    direction,
+                    near: if random.below(4) == 0 { 0.3 } else { 0.0 },
+                    far: if random.below(4) == 0 { 1.0 } else { f32::INFINITY },
+                    plane: if random.below(2) == 0 { 1 } else { NO_PLANE },
+                }
+            };
+            let rays: Vec<Ray> = (0..random.below(40)).map(|_| ray(random)).collect();
+            for (set, hierarchy) in &hierarchies {
+                let expected: Vec<_> = rays.iter().map(|ray| hierarchy.nearest_hit(ray)).collect();
+                prop_assert_eq!(hierarchy.nearest_hits(&rays), expected, "seed {}, {:?}, {:?}", seed, set, rays);
+            }
+        }
+    }
+
+    #[test]
     fn nearest_hits_of_parts_join_to_that_of_the_whole(seed: u64, count in 0usize..400, parts in 1usize..9) {
         let random = &mut Random(seed);
         let place = Place::random(random);

@@ -58,6 +58,12 @@ enum Content {
 /// So many rays are worth the work of several threads.
 const MANY: usize = 512;
 
+/// Rays that a thread takes at a time.
+const SOME: usize = 64;
+
+/// Walks that are followed side by side: few enough to stay at hand.
+const ABREAST: usize = 128;
+
 impl Mailbox {
     /// Empty, for questions of at most so many rays or points.
     pub fn new(most: usize) -> Mailbox {
@@ -106,17 +112,19 @@ pub fn at_once<F: Future>(task: F) -> F::Output {
     }
 }
 
+/// Gives walks the hits of what they ask.
+fn tell<W: Walk>(walks: &mut [W], hits: Vec<Option<Hit>>) {
+    walks.iter_mut().filter(|walk| walk.query().is_some()).zip(hits).for_each(|(walk, hit)| walk.answer(hit));
+}
+
 impl Inquiry<'_> {
     /// What rays hit first.
     pub async fn nearest_hits(&self, queries: &[Query]) -> Vec<Option<Hit>> {
         match self {
-            Inquiry::Here(mesh, hierarchy) => {
-                let find = |query: &Query| walk::nearest_hit(mesh, hierarchy, query);
-                match queries.len() {
-                    ..MANY => queries.iter().map(find).collect(),
-                    _ => queries.par_iter().map(find).collect(),
-                }
-            }
+            Inquiry::Here(mesh, hierarchy) => match queries.len() {
+                ..MANY => walk::nearest_hits(mesh, hierarchy, queries),
+                _ => queries.par_chunks(SOME).flat_map_iter(|some| walk::nearest_hits(mesh, hierarchy, some)).collect(),
+            },
             Inquiry::Away(mailbox) => {
                 let mut hits = Vec::with_capacity(queries.len());
                 for some in queries.chunks(mailbox.most) {
@@ -155,9 +163,15 @@ impl Inquiry<'_> {
     pub async fn follow<W: Walk, Walks: AsMut<[W]>>(&self, mut walks: Walks) -> Walks {
         let all = walks.as_mut();
         if let Inquiry::Here(mesh, hierarchy) = self {
-            all.iter_mut().for_each(|each| {
-                walk::run(mesh, hierarchy, each);
-            });
+            for some in all.chunks_mut(ABREAST) {
+                loop {
+                    let queries: Vec<Query> = some.iter().filter_map(W::query).collect();
+                    if queries.is_empty() {
+                        break;
+                    }
+                    tell(some, walk::nearest_hits(mesh, hierarchy, &queries));
+                }
+            }
             return walks;
         }
         loop {
@@ -166,7 +180,7 @@ impl Inquiry<'_> {
                 return walks;
             }
             let hits = self.nearest_hits(&queries).await;
-            all.iter_mut().filter(|walk| walk.query().is_some()).zip(hits).for_each(|(walk, hit)| walk.answer(hit));
+            tell(all, hits);
         }
     }
 }

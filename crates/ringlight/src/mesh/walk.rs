@@ -69,6 +69,20 @@ pub fn nearest_hit(mesh: &Mesh, hierarchy: &Hierarchy, Query { ray, rule }: &Que
     }
 }
 
+/// The same for several: quick where those that follow each other are parallel and start near each other, and may hit all.
+pub fn nearest_hits(mesh: &Mesh, hierarchy: &Hierarchy, queries: &[Query]) -> Vec<Option<Hit>> {
+    let mut hits = Vec::with_capacity(queries.len());
+    for some in queries.chunk_by(|a, b| a.rule == Rule::All && b.rule == Rule::All) {
+        if some[0].rule == Rule::All {
+            let rays: Vec<Ray> = some.iter().map(|query| query.ray).collect();
+            hits.extend(hierarchy.nearest_hits(&rays));
+        } else {
+            hits.extend(some.iter().map(|query| nearest_hit(mesh, hierarchy, query)));
+        }
+    }
+    hits
+}
+
 /// Runs a walk to its end where all triangles are held.
 pub fn run<W: Walk>(mesh: &Mesh, hierarchy: &Hierarchy, mut walk: W) -> W {
     while let Some(query) = walk.query() {

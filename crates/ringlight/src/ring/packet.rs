@@ -225,16 +225,13 @@ impl Rays {
         self.hits.push(None);
     }
 
-    /// Asks a member: `nearest_hit` finds the nearest hit of a ray by a rule in what the member holds. What lies beyond the
+    /// Asks a member: `nearest_hits` finds the nearest hits of rays by their rules in what the member holds. What lies beyond the
     /// hits so far need not be looked for, so the rays end there.
-    pub fn test(&mut self, nearest_hit: impl Fn(&Ray, [u32; 2]) -> Option<Hit>) {
-        for ((ray, &rule), best) in self.rays.iter().zip(&self.rules).zip(&mut self.hits) {
-            let far = best.map_or(ray.far, |hit| hit.distance);
-            if let Some(hit) = nearest_hit(&Ray { far, ..*ray }, rule)
-                && hit.is_nearer(best)
-            {
-                *best = Some(hit);
-            }
+    pub fn test(&mut self, nearest_hits: impl Fn(&[Ray], &[[u32; 2]]) -> Vec<Option<Hit>>) {
+        let end = |(ray, hit): (&Ray, &Option<Hit>)| Ray { far: hit.map_or(ray.far, |hit| hit.distance), ..*ray };
+        let rays: Vec<Ray> = self.rays.iter().zip(&self.hits).map(end).collect();
+        for (hit, best) in nearest_hits(&rays, &self.rules).into_iter().zip(&mut self.hits) {
+            *best = hit.filter(|hit| hit.is_nearer(best)).or(*best);
         }
     }
 }

@@ -219,7 +219,9 @@ impl Task {
                             let (shooter, points, masks) = aimed.split_mut();
                             rank.shard.clear_blocked_of(shooter, points, masks);
                         }
-                        Content::Rays(rays) => rays.test(|ray, rule| nearest_hit(&rank.shard, ray, rule)),
+                        Content::Rays(rays) => rays.test(|rays, rules| {
+                            rays.iter().zip(rules).map(|(ray, rule)| nearest_hit(&rank.shard, ray, *rule)).collect()
+                        }),
                     }
                     rank.pipeline.tested(packet);
                 }

@@ -26,11 +26,13 @@ pub struct Glance<'a> {
 
 /// `count` directions about the z axis, each of which stands for as much irradiance (Malley): above points of a disc along a spiral that
 /// turns by the golden ratio (Vogel 1979). No line holds more than a few of them: no edge of a surface, however it lies, is crossed by
-/// many at once.
+/// many at once. They come in the order in which they lie about the axis, so that those that follow each other meet the same things.
 pub fn spiral(count: u32) -> Vec<DVec3> {
     const GOLDEN: f64 = 0.618_033_988_749_894_9;
     let place = |number: f64| ((number + 0.5) / f64::from(count), (number * GOLDEN).fract());
-    (0..count).map(|number| above_disc(place(number.into()))).collect()
+    let mut places: Vec<(f64, f64)> = (0..count).map(|number| place(number.into())).collect();
+    places.sort_unstable_by(|(_, a), (_, b)| a.total_cmp(b));
+    places.into_iter().map(above_disc).collect()
 }
 
 /// The direction about the z axis above a point of the unit disc, of which `share` lies nearer to the middle and which is turned by
@@ -41,23 +43,29 @@ fn above_disc((share, turn): (f64, f64)) -> DVec3 {
 }
 
 impl<'a> Glance<'a> {
-    /// From a point of a plane whose lit side has this normal in directions about it, given about the z axis.
-    pub fn about(mesh: &'a Mesh, point: DVec3, (normal, plane): (DVec3, u32), directions: &[DVec3]) -> Vec<Glance<'a>> {
+    /// From points of planes whose lit sides have this normal in directions about it, given about the z axis: from all of them in the
+    /// first direction, then in the next.
+    pub fn about(mesh: &'a Mesh, points: &[(DVec3, u32)], normal: DVec3, directions: &[DVec3]) -> Vec<Glance<'a>> {
         // Just above the surface, lest rounding lets a flat ray pass under a neighbour's edge.
-        let origin = (point + RELATIVE_TOLERANCE * mesh.diagonal * normal).as_vec3().to_array();
+        let above = RELATIVE_TOLERANCE * mesh.diagonal * normal;
+        let start = |&(point, plane): &(DVec3, u32)| ((point + above).as_vec3().to_array(), plane);
+        let starts: Vec<([f32; 3], u32)> = points.iter().map(start).collect();
         let (t, u) = normal.any_orthonormal_pair();
-        let glance = |d: &DVec3| {
+        let mut glances = Vec::with_capacity(starts.len() * directions.len());
+        for d in directions {
             let direction = (d.x * t + d.y * u + d.z * normal).as_vec3().to_array();
-            let ray = Ray { origin, direction, near: 0.0, far: f32::INFINITY, plane };
-            Glance { mesh, ray, surfaces: 0, passing: 1.0, doubted: None, seen: SmallVec::new() }
-        };
-        directions.iter().map(glance).collect()
+            glances.extend(starts.iter().map(|&(origin, plane)| {
+                let ray = Ray { origin, direction, near: 0.0, far: f32::INFINITY, plane };
+                Glance { mesh, ray, surfaces: 0, passing: 1.0, doubted: None, seen: SmallVec::new() }
+            }));
+        }
+        glances
     }
 
     /// From a point of a plane whose lit side has this normal, in the direction above a point of the unit disc, of which the first of
     /// two shares lies nearer to the middle and which is turned by the second: evenly spread ones send and receive as much.
-    pub fn along(mesh: &'a Mesh, point: DVec3, side: (DVec3, u32), disc: (f64, f64)) -> Glance<'a> {
-        Glance::about(mesh, point, side, &[above_disc(disc)]).remove(0)
+    pub fn along(mesh: &'a Mesh, point: DVec3, (normal, plane): (DVec3, u32), disc: (f64, f64)) -> Glance<'a> {
+        Glance::about(mesh, &[(point, plane)], normal, &[above_disc(disc)]).remove(0)
     }
 }
 

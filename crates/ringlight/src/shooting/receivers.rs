@@ -14,6 +14,13 @@ const SIDE: u32 = 4;
 /// Elements that go together, if so many are near; those of a patch may be up to twice as many.
 const TOGETHER: u32 = 16;
 
+/// So many groups of elements are open for others at a time: as many as a box has sides.
+const FACINGS: usize = 6;
+
+/// Least cosine between the normals of those that go together: while fewer groups are open, and else.
+const PARALLEL: f32 = 0.99;
+const ALIKE: f32 = 0.5;
+
 /// Elements nearer to the shooter than this many of their widths also take area samples: the second-order mean of one point errs
 /// by (width/distance)⁴/100 of what comes from one element.
 const NEAR: f64 = 1.5;
@@ -43,7 +50,8 @@ impl Receivers {
     /// Those of a cluster that have light of their own. Elements are numbered within it.
     pub fn of(mesh: &Mesh, faces: &Faces, cluster: &Cluster) -> Vec<Receivers> {
         let mut all: Vec<Receivers> = Vec::new();
-        let mut open = false;
+        // Those that others may join, the oldest first.
+        let mut open: Vec<usize> = Vec::new();
         for id in cluster.patches.clone() {
             let patch = mesh.patch(id);
             if !faces.is_own(patch.first_element) {
@@ -51,16 +59,17 @@ impl Receivers {
             }
             let first = patch.first_element - cluster.elements.start;
             for block in blocks(&patch) {
-                let normal = patch.normal.as_vec3();
-                let full =
-                    |r: &Receivers| r.elements.len() + block.len() > TOGETHER as usize || r.axis.dot(normal) < 0.5;
-                if !open || all.last().is_none_or(full) {
+                let likeness = |k: usize| all[k].axis.dot(patch.normal.as_vec3());
+                let has_room = |&k: &usize| all[k].elements.len() + block.len() <= TOGETHER as usize;
+                let alike = open.iter().copied().filter(has_room).max_by(|&a, &b| likeness(a).total_cmp(&likeness(b)));
+                let least = if open.len() < FACINGS { PARALLEL } else { ALIKE };
+                let place = alike.filter(|&k| likeness(k) >= least).unwrap_or_else(|| {
+                    open.drain(..(open.len() + 1).saturating_sub(FACINGS));
+                    open.push(all.len());
                     all.push(Receivers::none());
-                    open = true;
-                }
-                if let Some(last) = all.last_mut() {
-                    last.push(mesh, &patch, first, block);
-                }
+                    all.len() - 1
+                });
+                all[place].push(mesh, &patch, first, block);
             }
         }
         all.iter_mut().for_each(Receivers::close);

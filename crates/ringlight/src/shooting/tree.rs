@@ -113,6 +113,12 @@ impl ShooterTree {
         }
     }
 
+    /// Number of facets' sides that emit.
+    pub fn side_count(&self) -> usize {
+        let is_side = |(i, node): (usize, &Node)| matches!(node.kind, Kind::Piece(_)) && self.sides[i] as usize == i;
+        self.nodes.iter().enumerate().filter(|&place| is_side(place)).count()
+    }
+
     /// All nodes below one.
     pub fn below(&self, node: u32) -> Range<u32> {
         let children = self.nodes[node as usize].children.clone();

@@ -7,7 +7,7 @@ use crate::mesh::{Answer, Inquiry, Mailbox, Mesh, Question, at_once};
 use crate::ring::{Aimed, Answers, Content, Packet, Rays, Samples};
 use crate::transport::{Communicator, Failure};
 use rayon::prelude::*;
-use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Points, Shooter, searched};
+use ringlight_visibility::{Cells, Hierarchy, NO_PLANE, Points, Ray, Shooter, searched};
 use std::collections::{BTreeMap, VecDeque};
 use std::pin::Pin;
 use std::sync::Arc;
@@ -38,8 +38,11 @@ struct Asking<Tasks, F, End> {
 
 /// Finds what a shard has in the way of rays; counts what it looks at, see [`searched`].
 pub fn test(mesh: &Mesh, shard: &Hierarchy, rays: &mut Rays) -> u64 {
-    let nearest_hit = |&ray: &_, rule| walk::nearest_hit(mesh, shard, &Query { ray, rule: Rule::from_words(rule) });
-    searched(|| rays.test(nearest_hit)).1
+    let query = |(&ray, &rule): (&Ray, &[u32; 2])| Query { ray, rule: Rule::from_words(rule) };
+    let nearest_hits = |rays: &[Ray], rules: &[[u32; 2]]| {
+        walk::nearest_hits(mesh, shard, &rays.iter().zip(rules).map(query).collect::<Vec<_>>())
+    };
+    searched(|| rays.test(nearest_hits)).1
 }
 
 impl<'a> Ring<'a> {

@@ -42,6 +42,9 @@ const OF_LAMPS: [f32; ROUNDS.len()] = [4.0, 2.0];
 /// nothing comes to what is dark costs most.
 const FLOOR: f32 = 0.1;
 
+/// Whether fewer sides of facets that emit reach what is lit is found no sooner by rays from them than by looking at each.
+const FEW: usize = 64;
+
 /// Parts of a round, between which the observer is asked.
 const PARTS: usize = 64;
 
@@ -99,7 +102,10 @@ pub fn group(
     let elements = passes::radiosities(mesh, &vec![[0.0; 3]; mesh.element_count()]);
     let light = TreeLight::new(&tree, &elements);
     let mut tally = Tally::default();
-    let reach = Reach::new((&tree, &light), error as f32, (ring, &world.share), ranks, &mut tally)?;
+    let reach = match tree.side_count() {
+        ..FEW => Reach::default(),
+        _ => Reach::new((&tree, &light), error as f32, (ring, &world.share), ranks, &mut tally)?,
+    };
     let lamps = Arc::new(Lamps { tree, light, elements, reach });
     let faces = Arc::new(Faces::new(mesh));
     let mut solving = Solving { world, exchange, lamps, faces, direct, tally, observer };

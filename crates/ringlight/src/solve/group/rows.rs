@@ -26,6 +26,9 @@ pub const ROUGH: u32 = 32;
 const MORE: f32 = 4.0;
 const MOST: f32 = 4.0;
 
+/// Normals that differ by no more than the root of this are one: what rounding makes of them.
+const PARALLEL: f64 = 1e-16;
+
 /// Where rows are found.
 #[derive(Clone, Copy)]
 pub struct Around<'a> {
@@ -48,24 +51,18 @@ pub struct Rows {
     seen: Vec<(u32, f32)>,
 }
 
-/// An element and where it looks from.
-struct Outlook<'a> {
-    patch: &'a Patch,
-    element: u32,
-    point: DVec3,
+/// Elements that face alike, and where they look from: they look in the same directions, so that their rays go together.
+struct Outlook {
+    normal: DVec3,
+    elements: Vec<u32>,
+    /// Their sample points and planes.
+    points: Vec<(DVec3, u32)>,
 }
 
 impl Around<'_> {
     /// The rows of some receivers, whose elements are numbered from `first`; their light is `own` at least.
     pub async fn rows(&self, receivers: &Receivers, first: u32, own: f32, inquiry: &Inquiry<'_>) -> (Rows, Tally) {
-        let mut outlooks = Vec::with_capacity(receivers.elements.len());
-        for (patch, numbers, name) in receivers.patches() {
-            for (&number, &element) in numbers.iter().zip(&receivers.elements[*name as usize..]) {
-                let element = first + element;
-                let point = patch.sample_point(number, self.mesh.valid[element as usize]);
-                outlooks.extend(point.map(|point| Outlook { patch, element, point }));
-            }
-        }
+        let outlooks = self.outlooks(receivers, first);
         let usual = usual_rays(self.error);
         let mut tally = Tally::default();
         let mut share = 1.0;
@@ -78,43 +75,75 @@ impl Around<'_> {
         let directions = spiral(count);
         for outlook in &outlooks {
             let glances = self.look(outlook, &directions, inquiry, &mut tally).await;
-            rows.push(outlook.element, glances, self.faces);
+            for (place, &element) in outlook.elements.iter().enumerate() {
+                rows.push(element, outlook.of_one(place, &glances), self.faces);
+            }
         }
         rows.seen.shrink_to_fit();
         (rows, tally)
     }
 
+    /// Where some receivers look from.
+    fn outlooks(&self, receivers: &Receivers, first: u32) -> Vec<Outlook> {
+        let mut outlooks: Vec<Outlook> = Vec::new();
+        for (patch, numbers, name) in receivers.patches() {
+            let Patch { normal, plane, .. } = *patch;
+            for (&number, &element) in numbers.iter().zip(&receivers.elements[*name as usize..]) {
+                let element = first + element;
+                let Some(point) = patch.sample_point(number, self.mesh.valid[element as usize]) else { continue };
+                let alike = |outlook: &Outlook| outlook.normal.distance_squared(normal) < PARALLEL;
+                let at = outlooks.iter().position(alike).unwrap_or(outlooks.len());
+                if at == outlooks.len() {
+                    outlooks.push(Outlook { normal, elements: Vec::new(), points: Vec::new() });
+                }
+                let outlook = &mut outlooks[at];
+                outlook.elements.push(element);
+                outlook.points.push((point, plane));
+            }
+        }
+        outlooks
+    }
+
     /// How much differs what the receivers see, by a few rays of each.
-    async fn contrast(&self, outlooks: &[Outlook<'_>], inquiry: &Inquiry<'_>, tally: &mut Tally) -> f32 {
-        let mut variance = 0.0;
+    async fn contrast(&self, outlooks: &[Outlook], inquiry: &Inquiry<'_>, tally: &mut Tally) -> f32 {
+        let (mut variance, mut elements) = (0.0, 0);
         let directions = spiral(ROUGH);
         for outlook in outlooks {
             let glances = self.look(outlook, &directions, inquiry, tally).await;
             let of = |glance: &Glance<'_>| {
                 glance.seen.iter().map(|&(e, share)| share * strength(self.reflected[e as usize])).sum::<f32>()
             };
-            let (mut sum, mut squares) = (0.0, 0.0);
-            for light in glances.iter().map(of) {
-                sum += light;
-                squares += light * light;
+            for place in 0..outlook.elements.len() {
+                let (mut sum, mut squares) = (0.0, 0.0);
+                for light in outlook.of_one(place, &glances).map(of) {
+                    sum += light;
+                    squares += light * light;
+                }
+                let mean = sum / ROUGH as f32;
+                variance += (squares / ROUGH as f32 - mean * mean).max(0.0);
             }
-            let mean = sum / ROUGH as f32;
-            variance += (squares / ROUGH as f32 - mean * mean).max(0.0);
+            elements += outlook.elements.len();
         }
-        (variance / outlooks.len().max(1) as f32).sqrt()
+        (variance / elements.max(1) as f32).sqrt()
     }
 
-    /// What is seen in some directions about the normal.
+    /// What is seen from all points of an outlook in each direction.
     async fn look<'a>(
         &'a self,
-        outlook: &Outlook<'_>,
+        outlook: &Outlook,
         directions: &[DVec3],
         inquiry: &Inquiry<'_>,
         tally: &mut Tally,
     ) -> Vec<Glance<'a>> {
-        let Patch { normal, plane, .. } = *outlook.patch;
-        tally.rays += directions.len() as u64;
-        inquiry.follow(Glance::about(self.mesh, outlook.point, (normal, plane), directions)).await
+        tally.rays += (outlook.points.len() * directions.len()) as u64;
+        inquiry.follow(Glance::about(self.mesh, &outlook.points, outlook.normal, directions)).await
+    }
+}
+
+impl Outlook {
+    /// Of what is seen from all points, that from one.
+    fn of_one<'g, 'a>(&self, place: usize, glances: &'g [Glance<'a>]) -> impl ExactSizeIterator<Item = &'g Glance<'a>> {
+        glances[place..].iter().step_by(self.points.len())
     }
 }
 
@@ -131,10 +160,10 @@ fn power(x: f32) -> f32 {
 
 impl Rows {
     /// Adds what an element sees.
-    fn push(&mut self, element: u32, glances: Vec<Glance<'_>>, faces: &Faces) {
+    fn push<'g>(&mut self, element: u32, glances: impl ExactSizeIterator<Item = &'g Glance<'g>>, faces: &Faces) {
         let count = glances.len() as f32;
-        let seen = glances.into_iter().flat_map(|glance| glance.seen);
-        let mut seen: Vec<(u32, f32)> = seen.map(|(e, share)| (faces.representative(e), share)).collect();
+        let seen = glances.flat_map(|glance| &glance.seen);
+        let mut seen: Vec<(u32, f32)> = seen.map(|&(e, share)| (faces.representative(e), share)).collect();
         seen.sort_unstable_by_key(|(element, _)| *element);
         let start = self.seen.len();
         for of_one in seen.chunk_by(|a, b| a.0 == b.0) {
