@@ -14,12 +14,15 @@ const SIDE: u32 = 4;
 /// Elements that go together, if so many are near; those of a patch may be up to twice as many.
 const TOGETHER: u32 = 16;
 
-/// So many groups of elements are open for others at a time: as many as a box has sides.
-const FACINGS: usize = 6;
-
-/// Least cosine between the normals of those that go together: while fewer groups are open, and else.
-const PARALLEL: f32 = 0.99;
+/// Least cosine between the normals of those that go together.
 const ALIKE: f32 = 0.5;
+
+/// So many elements of a cluster that face the same way go together, and with no others: what they look at is the same, and they
+/// look in the same directions.
+const MANY: u32 = 4;
+
+/// Least cosine between the normals of those that face the same way.
+const PARALLEL: f32 = 0.9999;
 
 /// Elements nearer to the shooter than this many of their widths also take area samples: the second-order mean of one point errs
 /// by (width/distance)⁴/100 of what comes from one element.
@@ -46,30 +49,53 @@ pub struct Receivers {
     pub cosine: f32,
 }
 
+/// Elements of a cluster that face the same way.
+struct Facing {
+    normal: Vec3,
+    elements: u32,
+    /// The last group of them.
+    group: Option<usize>,
+}
+
+impl Facing {
+    /// Which of these a patch has.
+    fn of(facings: &[Facing], patch: &Patch) -> Option<usize> {
+        facings.iter().position(|facing| facing.normal.dot(patch.normal.as_vec3()) >= PARALLEL)
+    }
+}
+
 impl Receivers {
     /// Those of a cluster that have light of their own. Elements are numbered within it.
     pub fn of(mesh: &Mesh, faces: &Faces, cluster: &Cluster) -> Vec<Receivers> {
-        let mut all: Vec<Receivers> = Vec::new();
-        // Those that others may join, the oldest first.
-        let mut open: Vec<usize> = Vec::new();
-        for id in cluster.patches.clone() {
-            let patch = mesh.patch(id);
-            if !faces.is_own(patch.first_element) {
-                continue;
+        let own = cluster.patches.clone().map(|id| mesh.patch(id)).filter(|patch| faces.is_own(patch.first_element));
+        let own: Vec<Patch> = own.collect();
+        let mut facings: Vec<Facing> = Vec::new();
+        for patch in &own {
+            let at = Facing::of(&facings, patch).unwrap_or(facings.len());
+            if at == facings.len() {
+                facings.push(Facing { normal: patch.normal.as_vec3(), elements: 0, group: None });
             }
+            facings[at].elements += patch.element_count();
+        }
+        let mut all: Vec<Receivers> = Vec::new();
+        // What others that face roughly alike may join.
+        let mut mixed = None;
+        for patch in &own {
+            let facing =
+                Facing::of(&facings, patch).map(|at| &mut facings[at]).filter(|facing| facing.elements >= MANY);
+            let group = facing.map_or(&mut mixed, |facing| &mut facing.group);
             let first = patch.first_element - cluster.elements.start;
-            for block in blocks(&patch) {
-                let likeness = |k: usize| all[k].axis.dot(patch.normal.as_vec3());
-                let has_room = |&k: &usize| all[k].elements.len() + block.len() <= TOGETHER as usize;
-                let alike = open.iter().copied().filter(has_room).max_by(|&a, &b| likeness(a).total_cmp(&likeness(b)));
-                let least = if open.len() < FACINGS { PARALLEL } else { ALIKE };
-                let place = alike.filter(|&k| likeness(k) >= least).unwrap_or_else(|| {
-                    open.drain(..(open.len() + 1).saturating_sub(FACINGS));
-                    open.push(all.len());
+            for block in blocks(patch) {
+                let joins = |&k: &usize| {
+                    let Receivers { elements, axis, .. } = &all[k];
+                    elements.len() + block.len() <= TOGETHER as usize && axis.dot(patch.normal.as_vec3()) >= ALIKE
+                };
+                let place = group.filter(joins).unwrap_or_else(|| {
                     all.push(Receivers::none());
                     all.len() - 1
                 });
-                all[place].push(mesh, &patch, first, block);
+                *group = Some(place);
+                all[place].push(mesh, patch, first, block);
             }
         }
         all.iter_mut().for_each(Receivers::close);

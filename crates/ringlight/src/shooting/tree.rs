@@ -113,10 +113,10 @@ impl ShooterTree {
         }
     }
 
-    /// Number of facets' sides that emit.
-    pub fn side_count(&self) -> usize {
-        let is_side = |(i, node): (usize, &Node)| matches!(node.kind, Kind::Piece(_)) && self.sides[i] as usize == i;
-        self.nodes.iter().enumerate().filter(|&place| is_side(place)).count()
+    /// The nodes that are sides of facets.
+    pub fn sides(&self) -> impl Iterator<Item = u32> {
+        let is_side = |&n: &u32| matches!(self.nodes[n as usize].kind, Kind::Piece(_)) && self.sides[n as usize] == n;
+        (0..self.nodes.len() as u32).filter(is_side)
     }
 
     /// All nodes below one.

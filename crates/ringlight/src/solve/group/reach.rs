@@ -5,6 +5,7 @@
 //! lamp's would arrive if it were in view and none has, it is not. Their number follows the number of clusters and the error alone.
 
 use crate::mesh::{Inquiry, Mesh, Patch};
+use crate::quantity::Rgb;
 use crate::shooting::{Glance, Kind, ShooterTree, TreeLight, strength};
 use crate::solve::{Ring, Share};
 use crate::transport::{Communicator, Failure};
@@ -31,6 +32,12 @@ const REACHED: u32 = 10;
 /// Steps of a sequence that fills the unit hypercube evenly (Roberts 2018): powers of the inverse of the root of x⁵ = x + 1.
 const STEPS: [f64; 4] =
     [0.856_674_883_854_502_9, 0.733_891_856_627_126_2, 0.628_706_721_037_810_1, 0.538_597_257_223_613_6];
+
+/// Tag of how much is hidden from the ranks' clusters.
+const HIDDEN: u32 = 11;
+
+/// Clusters that are asked how much is hidden from them.
+const ASKED: usize = 1024;
 
 /// Which sides of facets reach which clusters.
 #[derive(Debug, Default)]
@@ -93,6 +100,42 @@ impl Reach {
         let parts = ranks.all_gather(REACHED, bytes)?;
         let pairs = parts.iter().flat_map(|part| part.chunks_exact(8).map(pair)).filter(own).collect();
         Ok(Reach { pairs: in_order(pairs), areas: free_areas(mesh, share), quantum: quantum as f32 })
+    }
+
+    /// Of the sides that face clusters which have light, the share that reaches none of it; by some of the clusters of all ranks.
+    /// Every rank calls it.
+    pub fn hidden_share(
+        &self,
+        mesh: &Mesh,
+        tree: &ShooterTree,
+        received: &[Rgb],
+        (share, ranks): (&Share, &mut Communicator<'_>),
+    ) -> Result<f64, Failure> {
+        let step = mesh.clusters.len().div_ceil(ASKED) as u32;
+        let sides: Vec<u32> = tree.sides().collect();
+        let (mut facing, mut hidden) = (0u64, 0u64);
+        for &number in share.own.iter().filter(|&number| number % step == 0) {
+            let cluster = &mesh.clusters[number as usize];
+            let lit = received[cluster.elements.start as usize..cluster.elements.end as usize].iter();
+            if lit.clone().all(|light| *light == [0.0; 3]) {
+                continue;
+            }
+            let (middle, reached) = ((cluster.low + cluster.high) / 2.0, self.of(number));
+            for &side in &sides {
+                let node = &tree.nodes[side as usize];
+                if node.axis.dot(middle - node.middle()) > 0.0 {
+                    facing += 1;
+                    hidden += u64::from(!reached.holds(tree, side));
+                }
+            }
+        }
+        let both = bytemuck::cast([facing, hidden]);
+        let join = |a: [u8; 16], b: [u8; 16]| {
+            let [a, b]: [[u64; 2]; 2] = [a, b].map(|bytes| bytemuck::pod_read_unaligned(&bytes));
+            bytemuck::cast([a[0] + b[0], a[1] + b[1]])
+        };
+        let [facing, hidden]: [u64; 2] = bytemuck::pod_read_unaligned(&ranks.all_reduce(HIDDEN, both, join)?);
+        Ok(hidden as f64 / facing.max(1) as f64)
     }
 
     /// What reaches an own cluster.
@@ -218,9 +261,7 @@ mod tests {
         let mut tally = Tally::default();
         let reach = Reach::new((&tree, &light), 0.01, (&mut ring, &share), &mut ranks, &mut tally).unwrap();
         assert!(tally.rays > 10_000);
-        let sides: Vec<u32> = (0..tree.nodes.len() as u32)
-            .filter(|&n| matches!(tree.nodes[n as usize].kind, Kind::Piece(_)) && tree.sides[n as usize] == n)
-            .collect();
+        let sides: Vec<u32> = tree.sides().collect();
         assert_eq!(sides.len(), 4);
         for (number, cluster) in (0..).zip(&mesh.clusters) {
             let reached = reach.of(number);
@@ -233,5 +274,11 @@ mod tests {
             }
         }
         assert!(sides.iter().all(|&side| !reach.of(0).hides(&tree, side, 1e-9)));
+        // Both lamps shine down on all of the other room, and a little more than that is hidden from nobody.
+        let received: Vec<Rgb> = (0..mesh.element_count() as u32).map(|e| solution.irradiance(e)).collect();
+        let hidden = reach.hidden_share(mesh, &tree, &received, (&share, &mut ranks)).unwrap();
+        assert!((0.4..0.6).contains(&hidden), "{hidden}");
+        let dark = vec![[0.0; 3]; mesh.element_count()];
+        assert_eq!(reach.hidden_share(mesh, &tree, &dark, (&share, &mut ranks)).unwrap(), 0.0);
     }
 }
