@@ -42,7 +42,8 @@ const OF_LAMPS: [f32; ROUNDS.len()] = [4.0, 2.0];
 /// nothing comes to what is dark costs most.
 const FLOOR: f32 = 0.1;
 
-/// Error, times that asked for, to which it is found at first where the light of what emits goes.
+/// Where the light of fewer sides of facets goes is asked roughly first, to an error so many times that asked for.
+const FEW: usize = 64;
 const ROUGHLY: f32 = 8.0;
 
 /// If less than this share of it is hidden from what has light, to find it exactly takes longer than to look at it. Measured: 0.3 in
@@ -72,7 +73,7 @@ struct Lamps {
     light: TreeLight,
     /// What elements emit.
     elements: Vec<Radiosity>,
-    /// Where it goes, roughly.
+    /// Where it goes, if that is known from the first.
     reach: Reach,
 }
 
@@ -106,7 +107,10 @@ pub fn group(
     let elements = passes::radiosities(mesh, &vec![[0.0; 3]; mesh.element_count()]);
     let light = TreeLight::new(&tree, &elements);
     let mut tally = Tally::default();
-    let reach = Reach::new((&tree, &light), ROUGHLY * error as f32, (ring, &world.share), ranks, &mut tally)?;
+    let reach = match tree.sides().count() {
+        ..FEW => Reach::default(),
+        _ => Reach::new((&tree, &light), error as f32, (ring, &world.share), ranks, &mut tally)?,
+    };
     let lamps = Arc::new(Lamps { tree, light, elements, reach });
     let faces = Arc::new(Faces::new(mesh));
     let mut solving = Solving { world, exchange, lamps, faces, direct, tally, observer };
@@ -221,7 +225,7 @@ impl Solving<'_, '_, '_> {
         Ok((None, progress))
     }
 
-    /// Where the light of what emits goes to the error asked for, in the last round, if that is worth knowing.
+    /// Where the light of what emits goes, in the last round, if that is not known yet and worth knowing.
     fn exact_reach(
         &mut self,
         ring: &mut Ring<'_>,
@@ -229,9 +233,14 @@ impl Solving<'_, '_, '_> {
         received: &[Rgb],
         ranks: &mut Communicator<'_>,
     ) -> Result<Option<Reach>, Failure> {
-        let Lamps { tree, light, reach, .. } = &*self.lamps;
+        let Lamps { tree, light, .. } = &*self.lamps;
         let share = &self.world.share;
-        if round + 1 < ROUNDS.len() || reach.hidden_share(self.world.mesh, tree, received, (share, ranks))? < HIDDEN {
+        if round + 1 < ROUNDS.len() || tree.sides().count() >= FEW {
+            return Ok(None);
+        }
+        // What this hides could be wrong by too much: it tells only how much there is to hide.
+        let rough = Reach::new((tree, light), ROUGHLY * error, (ring, share), ranks, &mut self.tally)?;
+        if rough.hidden_share(self.world.mesh, tree, received, (share, ranks))? < HIDDEN {
             return Ok(None);
         }
         Reach::new((tree, light), error, (ring, share), ranks, &mut self.tally).map(Some)
