@@ -60,6 +60,7 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
     }
     let mut reported = method::reported(&solved_with, &made.mesh, &arguments.stop);
     reported.insert("adapt".into(), level.into());
+    reported.insert("lines".into(), arguments.sizes.lines.into());
     let quality = arguments.sizes.quality;
     reported.insert("quality".into(), format!("{quality:?}").to_lowercase().into());
     if let Some(unit) = arguments.sizes.unit {

@@ -66,7 +66,7 @@ pub fn mesh_options(sizes: &SizeArguments) -> MeshOptions {
         QualityChoice::Normal => Quality::Normal,
         QualityChoice::High => Quality::High,
     };
-    MeshOptions { quality, patch_size: sizes.patch_size, element_size: sizes.element_size }
+    MeshOptions { quality, patch_size: sizes.patch_size, element_size: sizes.element_size, lines: sizes.lines }
 }
 
 /// Cells of a shooter that go with a quality.

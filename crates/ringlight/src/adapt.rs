@@ -75,7 +75,8 @@ fn expected(corners: &[Rgb; 4], layout: Layout) -> f32 {
 mod tests {
     use super::*;
     use crate::form_factor::contour;
-    use crate::output::fixture::{paint, read, solve_refined};
+    use crate::output::fixture::{paint, read, solve_along_lines, solve_refined};
+    use crate::solve::Solver;
     use glam::{DVec2, DVec3};
 
     /// A floor of 4 m × 4 m, a square lamp of 1 m × 1 m that looks down from 3 m, and a square blocker of the same size at 1 m,
@@ -102,44 +103,107 @@ mod tests {
     /// Root of the mean square error on the floor about the shadow, relative to the mean there.
     fn error(solution: &Solution) -> f64 {
         let (mesh, smooth) = (&solution.mesh, Smooth::new(solution));
-        let (number, floor) =
-            mesh.facets.iter().enumerate().find(|(_, f)| f.surface == 0).map(|(n, f)| (n as u32, *f)).unwrap();
-        assert_eq!(mesh.side_of(floor.first_patch).0, number);
+        let floor: Vec<_> = mesh.facets.iter().filter(|facet| facet.surface == 0).collect();
         let (mut squares, mut sum, n) = (0.0, 0.0, 230);
         for k in 0..n * n {
-            let [u, v] = [k % n, k / n].map(|i| 0.2 + 0.6 * (f64::from(i) + 0.5) / f64::from(n));
-            let (_, element, within) = mesh.find_element(&floor, false, DVec2::new(u, v));
+            let [x, z] = [k % n, k / n].map(|i| -1.2 + 2.4 * (f64::from(i) + 0.5) / f64::from(n));
+            let place = DVec3::new(x, 0.0, z);
+            let inside = |at: DVec2| at.min_element() >= 0.0 && at.max_element() <= 1.0;
+            let holding = floor.iter().map(|facet| (facet, facet.frame().parameters(place)));
+            let (facet, at) = holding.into_iter().find(|&(_, at)| inside(at)).expect("the floor has no holes");
+            let (_, element, within) = mesh.find_element(facet, false, at);
             let found = f64::from(smooth.at(element, within)[1]);
-            let exact = exact(floor.frame().at(DVec2::new(u, v)));
-            squares += (found - exact).powi(2);
-            sum += exact;
+            squares += (found - exact(place)).powi(2);
+            sum += exact(place);
         }
         (squares / f64::from(n * n)).sqrt() / (sum / f64::from(n * n))
     }
 
     /// The scene with exact light at the sample points: what is wrong between them is the elements' fault alone.
-    fn lit(size: f64, subdivision: impl Fn(u32) -> u8) -> Solution {
-        let mut solution = solve_refined(read(SCENE), [size; 2], 1.0, subdivision);
+    fn lit(size: f64, lines: u32, subdivision: impl Fn(u32) -> u8) -> Solution {
+        let mut solution = solve_along_lines(read(SCENE), (Solver::Plain, 1.0), (size, lines), subdivision);
         let floor = |at: DVec3, normal: DVec3| if at.y < 0.5 && normal.y > 0.0 { exact(at) } else { 0.0 };
         paint(&mut solution, floor);
         solution
     }
 
+    /// The scene with the light that group shooting finds.
+    fn solved(size: f64, lines: u32, subdivision: impl Fn(u32) -> u8) -> Solution {
+        solve_along_lines(read(SCENE), (Solver::Group(0.0005), 0.0), (size, lines), subdivision)
+    }
+
+    /// Subdivisions that adaptive elements come to, from elements of `size` metres.
+    fn adapted(size: f64, lines: u32, fineness: &Fineness) -> Vec<u8> {
+        let mut wanted = vec![1; lit(size, lines, |_| 1).mesh.patch_count()];
+        for _ in 0..fineness.levels {
+            wanted = subdivisions(&lit(size, lines, |patch| wanted[patch as usize]), fineness);
+            assert!(wanted.iter().any(|&s| s > 1) && wanted.contains(&1));
+        }
+        wanted
+    }
+
+    /// The size of at least `count` elements that are all alike, metres.
+    fn uniform(count: usize) -> f64 {
+        let sizes = (1..).map(|k| 0.25 * 0.96f64.powi(k));
+        sizes.into_iter().find(|&size| lit(size, 0, |_| 1).mesh.element_count() >= count).unwrap()
+    }
+
+    /// The error with adaptive elements, as a share of that with as many uniform ones.
+    fn share_of_uniform(size: f64, lines: u32, fineness: &Fineness) -> f64 {
+        let wanted = adapted(size, lines, fineness);
+        let solution = lit(size, lines, |patch| wanted[patch as usize]);
+        let even = lit(uniform(solution.mesh.element_count()), 0, |_| 1);
+        let counts = [&solution, &even].map(|solution| solution.mesh.element_count());
+        let [adaptive, even] = [&solution, &even].map(error);
+        println!("{} elements: {adaptive:.4}; {} uniform ones: {even:.4}", counts[0], counts[1]);
+        adaptive / even
+    }
+
     #[test]
     fn the_edge_of_a_shadow_is_followed_with_few_elements() {
-        let fineness = Fineness { levels: 1, tolerance: 0.01 };
-        let mut solution = lit(0.125, |_| 1);
-        for _ in 0..fineness.levels {
-            let wanted = subdivisions(&solution, &fineness);
-            assert!(wanted.iter().any(|&s| s > 1) && wanted.contains(&1));
-            solution = lit(0.125, |patch| wanted[patch as usize]);
+        assert!(share_of_uniform(0.125, 0, &Fineness { levels: 1, tolerance: 0.01 }) <= 1.0 / 3.0);
+    }
+
+    const ALONG_LINES: Fineness = Fineness { levels: 2, tolerance: 0.003 };
+
+    #[test]
+    fn elements_that_end_where_light_breaks_err_least() {
+        assert!(share_of_uniform(0.25, 1, &ALONG_LINES) <= 1.0 / 10.0);
+    }
+
+    /// The light of the samples is exact enough for that: also where the edges of lamp, blocker and floor are parallel.
+    #[test]
+    fn what_is_solved_errs_as_little() {
+        let wanted = adapted(0.25, 1, &ALONG_LINES);
+        let solution = solved(0.25, 1, |patch| wanted[patch as usize]);
+        let even = solved(uniform(solution.mesh.element_count()), 0, |_| 1);
+        let [adaptive, even] = [&solution, &even].map(error);
+        println!("solved: {adaptive:.4}; with as many uniform elements: {even:.4}");
+        assert!(adaptive <= even / 10.0);
+    }
+
+    /// Black surfaces give no light back: what lies in the penumbra has light of the lamp alone, and next to the umbra little of that.
+    #[test]
+    fn penumbrae_in_black_rooms_are_found() {
+        for (solver, until, most) in [(Solver::Group(0.01), 0.0, [0.013, 0.09]), (Solver::Plain, 1e-6, [0.0025, 0.012])]
+        {
+            let solution = solve_along_lines(read(SCENE), (solver, until), (0.07, 0), |_| 1);
+            let mesh = &solution.mesh;
+            let floor = (0..mesh.patch_count() as u32).map(|id| mesh.patch(id)).filter(|patch| {
+                let at = patch.frame.at(DVec2::splat(0.5));
+                at.y < 0.5 && patch.normal.y > 0.0 && at.abs().max_element() < 1.2
+            });
+            let (mut squares, mut sum, mut count, mut largest) = (0.0, 0.0, 0.0, 0.0f64);
+            for patch in floor {
+                let exact = exact(patch.sample_point(0, ALL_VALID).unwrap());
+                let difference = f64::from(solution.irradiance(patch.first_element)[1]) - exact;
+                (squares, sum, count) = (squares + difference * difference, sum + exact, count + 1.0);
+                largest = largest.max(difference.abs());
+            }
+            let found = [(squares / count).sqrt(), largest].map(|x| x / (sum / count));
+            println!("{solver:?}: off by {found:?}");
+            assert!(count > 1000.0 && found[0] < most[0] && found[1] < most[1], "{solver:?} {found:?}");
         }
-        let (count, adaptive) = (solution.mesh.element_count(), error(&solution));
-        let same = (1..).map(|k| lit(0.125 - 0.005 * f64::from(k), |_| 1));
-        let same = same.into_iter().find(|s| s.mesh.element_count() >= count).unwrap();
-        let even = error(&same);
-        println!("{count} elements: {adaptive:.4}; {} uniform ones: {even:.4}", same.mesh.element_count());
-        assert!(adaptive <= even / 3.0);
     }
 
     #[test]

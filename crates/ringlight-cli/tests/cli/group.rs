@@ -49,7 +49,7 @@ fn it_is_the_default_and_what_is_for_plain_refinement_alone_chooses_that() {
 #[test]
 fn adaptive_elements_do_not_depend_on_where_they_are_found() {
     let workshop = Workshop::new();
-    for solver in ["--error 0.05", "--max-shots 5"] {
+    for solver in ["--error 0.05", "--max-shots 5", "--error 0.05 --lines 1"] {
         let bake = format!("{BAKE} {solver} --adapt 2");
         workshop.ringlight(&format!("{bake} -o one.ringlight --threads 1 --report one.json")).assert().code(0);
         for way in ["--threads 2", "--ranks 3 --rings 2", "--ranks 4 --rings 1 --packet-size 7 --shards random"] {
@@ -63,6 +63,21 @@ fn adaptive_elements_do_not_depend_on_where_they_are_found() {
         assert!(elements(&adapted) > elements(&even) && elements(&adapted) < 81 * elements(&even));
     }
     workshop.ringlight(&format!("{BAKE} -o a.ringlight --adapt 6")).assert().code(2);
+}
+
+/// Faces are cut where blocks stand on them; who does not ask for it gets them whole.
+#[test]
+fn faces_are_cut_where_light_breaks_if_asked_for() {
+    let workshop = Workshop::new();
+    let facets = |flags: &str| {
+        workshop.ringlight(&format!("{BAKE} -o a.ringlight --report a.json {flags}")).assert().code(0);
+        let report = workshop.json("a.json");
+        (report["settings"]["lines"].as_u64().unwrap(), report["scene"]["elements"].as_u64().unwrap())
+    };
+    let [whole, none, cut] = ["", "--lines 0", "--lines 1"].map(facets);
+    assert_eq!((whole, cut.0), (none, 1));
+    assert!(cut.1 > whole.1 && cut.1 < 3 * whole.1, "{whole:?} {cut:?}");
+    workshop.ringlight(&format!("{BAKE} -o a.ringlight --lines some")).assert().code(2);
 }
 
 /// Two rooms, of which one is lit and has a table: elements become small there alone.

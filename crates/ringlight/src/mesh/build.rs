@@ -1,6 +1,7 @@
 //! From a scene's triangles to the mesh.
 
 use super::cluster;
+use super::discontinuity;
 use super::pairing::{Corner, Pairing, Polygon};
 use super::plane::{Planes, RELATIVE_TOLERANCE};
 use super::size::{self, Quality};
@@ -21,6 +22,8 @@ pub struct MeshOptions {
     pub patch_size: Option<f64>,
     /// Largest edge of an element, metres.
     pub element_size: Option<f64>,
+    /// Of so many area lights, the strongest, the lines along which they let light break on large facets are edges of elements.
+    pub lines: u32,
 }
 
 /// Triangles whose height is below this share of their longest edge are slivers: left out, with a count.
@@ -60,9 +63,10 @@ pub fn build(scene: &Scene, options: &MeshOptions, store: Store<'_>) -> Result<M
         facet.first_back_patch = if double_sided(facet) { 0 } else { NONE };
     }
     mesh.sizes = size::choose(&mesh.facets, options.quality, [options.patch_size, options.element_size], store)?;
+    let lines = if options.lines > 0 { discontinuity::lines(&mesh, scene, options.lines) } else { Vec::new() };
+    discontinuity::cut(&mut mesh, &lines, store)?;
     let mut total = 0u64;
-    for facet in &mut mesh.facets {
-        (facet.patches, facet.elements) = size::grids(size::lengths(facet), &mesh.sizes);
+    for facet in &mesh.facets {
         let sides = if double_sided(facet) { 2 } else { 1 };
         let one = facet.patches.iter().chain(&facet.elements).map(|&n| u64::from(n)).product::<u64>();
         total = total.saturating_add(one.saturating_mul(sides));
@@ -168,6 +172,7 @@ fn add_facet(mesh: &mut Mesh, surface: u32, polygon: &Polygon, [base, emission, 
         colours: [NONE; 2],
         patches: [1; 2],
         elements: [1; 2],
+        part: 0,
     };
     debug_assert_eq!(facet.layout() == ringlight_visibility::Layout::Triangle, polygon.triangle);
     mesh.facets.push(facet)

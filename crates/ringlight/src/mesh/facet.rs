@@ -34,6 +34,8 @@ pub struct Facet {
     pub patches: [u16; 2],
     /// Columns and rows of elements in a patch that is not refined.
     pub elements: [u16; 2],
+    /// 1 if it is part of a facet of the input that was cut along lines, else 0.
+    pub part: u32,
 }
 
 /// A quadrilateral is a parallelogram if opposite sides differ by less than this share of its diagonal.
@@ -43,6 +45,11 @@ impl Facet {
     /// Quadrilateral or triangle.
     pub fn layout(&self) -> Layout {
         if self.corners[3] == self.corners[0] { Layout::Triangle } else { Layout::Quad }
+    }
+
+    /// Its corners, three or four, in order.
+    pub fn outline(&self) -> Vec<Vec3> {
+        self.corners[..if self.layout() == Layout::Triangle { 3 } else { 4 }].to_vec()
     }
 
     /// Triangles that it is made of: one, or two.

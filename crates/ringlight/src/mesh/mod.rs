@@ -9,6 +9,7 @@ mod build;
 mod check;
 mod cluster;
 mod colour;
+mod discontinuity;
 mod facet;
 mod frame;
 mod inquiry;

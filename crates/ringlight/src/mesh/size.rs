@@ -60,22 +60,30 @@ fn parts(length: f64, size: f64) -> f64 {
     (length / size - 1e-6).ceil().max(1.0)
 }
 
-/// Columns and rows of patches, and of elements in each, for a facet of these [`lengths`].
-pub fn grids(lengths: [f64; 2], sizes: &Sizes) -> ([u16; 2], [u16; 2]) {
-    let grid = |scale: f64| {
-        let patches = lengths.map(|l| parts(l, sizes.patch * scale));
-        let elements = [0, 1].map(|i| parts(lengths[i] / patches[i], sizes.element * scale));
-        (patches, elements)
+/// Columns and rows of patches, and of elements in each, for a facet of these [`lengths`], where sizes are `scale` times as large.
+pub fn grids(lengths: [f64; 2], sizes: &Sizes, scale: f64) -> ([u16; 2], [u16; 2]) {
+    let (patches, elements) = counts(lengths, sizes, scale);
+    (patches.map(|n| n as u16), elements.map(|n| n as u16))
+}
+
+fn counts(lengths: [f64; 2], sizes: &Sizes, scale: f64) -> ([f64; 2], [f64; 2]) {
+    let patches = lengths.map(|l| parts(l, sizes.patch * scale));
+    let elements = [0, 1].map(|i| parts(lengths[i] / patches[i], sizes.element * scale));
+    (patches, elements)
+}
+
+/// How much larger than asked patches and elements of a facet of these [`lengths`] are, lest there are too many.
+pub fn scale(lengths: [f64; 2], sizes: &Sizes) -> f64 {
+    let too_many = |scale: f64| {
+        let (patches, elements) = counts(lengths, sizes, scale);
+        let all = patches.iter().chain(&elements);
+        all.clone().product::<f64>() > f64::from(sizes.facet_limit.max(1)) || all.clone().any(|&n| n > 65_535.0)
     };
     let mut scale = 1.0;
-    let (mut patches, mut elements) = grid(scale);
-    while patches[0] * patches[1] * elements[0] * elements[1] > f64::from(sizes.facet_limit.max(1))
-        || patches.iter().chain(&elements).any(|&n| n > 65_535.0)
-    {
+    while too_many(scale) {
         scale *= 1.25;
-        (patches, elements) = grid(scale);
     }
-    (patches.map(|n| n as u16), elements.map(|n| n as u16))
+    scale
 }
 
 /// Sizes for the facets of a scene: those asked for, else by quality. The element size is the one at which the facets'
@@ -132,9 +140,9 @@ mod tests {
     #[test]
     fn edges_are_cut_into_equal_parts_no_larger_than_asked() {
         let sizes = Sizes { patch: 1.0, element: 0.25, facet_limit: u32::MAX };
-        assert_eq!(grids([3.0, 2.1], &sizes), ([3, 3], [4, 3]));
-        assert_eq!(grids([0.1, 0.1], &sizes), ([1, 1], [1, 1]));
-        assert_eq!(grids([1.000_000_1, 0.3], &sizes), ([1, 1], [4, 2]));
+        assert_eq!(grids([3.0, 2.1], &sizes, 1.0), ([3, 3], [4, 3]));
+        assert_eq!(grids([0.1, 0.1], &sizes, 1.0), ([1, 1], [1, 1]));
+        assert_eq!(grids([1.000_000_1, 0.3], &sizes, 1.0), ([1, 1], [4, 2]));
     }
 
     #[test]
@@ -151,7 +159,8 @@ mod tests {
     #[test]
     fn a_limit_coarsens_a_single_facet() {
         let sizes = Sizes { patch: 1.0, element: 0.25, facet_limit: 1000 };
-        let (patches, elements) = grids([100.0, 100.0], &sizes);
+        let lengths = [100.0, 100.0];
+        let (patches, elements) = grids(lengths, &sizes, scale(lengths, &sizes));
         let count = u32::from(patches[0]) * u32::from(patches[1]) * u32::from(elements[0]) * u32::from(elements[1]);
         assert!(count <= 1000 && count > 400);
     }

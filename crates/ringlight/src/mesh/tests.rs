@@ -11,7 +11,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Files of `scenes/`, and a texture with holes.
-struct Files<'a>(Store<'a>);
+pub(super) struct Files<'a>(pub(super) Store<'a>);
 
 impl Resources for Files<'_> {
     fn read(&self, path: &str) -> io::Result<Bytes> {

@@ -36,7 +36,7 @@ pub fn solve(scene: Scene, element: f64, until: f64) -> Solution {
 
 /// Solves a scene by groups, with elements and patches of `element` metres.
 pub fn solve_by_groups(scene: Scene, element: f64) -> Solution {
-    solve_by(Solver::Group(0.01), scene, [element, element], 0.0, |_| 1)
+    solve_by(Solver::Group(0.01), scene, &sizes([element; 2]), 0.0, |_| 1)
 }
 
 /// Subdivisions of patches, of `choices`, here and there.
@@ -46,18 +46,33 @@ pub fn mixed<const N: usize>(choices: [u8; N]) -> impl Fn(u32) -> u8 {
 
 /// Solves a scene with patches and elements of these sizes, metres, as far as `until`; the elements of each patch are refined.
 pub fn solve_refined(scene: Scene, sizes: [f64; 2], until: f64, subdivision: impl Fn(u32) -> u8) -> Solution {
-    solve_by(Solver::Plain, scene, sizes, until, subdivision)
+    solve_by(Solver::Plain, scene, &self::sizes(sizes), until, subdivision)
+}
+
+/// Solves a scene with patches and elements of `size` metres, as far as `until` or by groups; facets are cut where the light of so many
+/// area lights breaks, and the elements of each patch are refined.
+pub fn solve_along_lines(
+    scene: Scene,
+    (solver, until): (Solver, f64),
+    (size, lines): (f64, u32),
+    subdivision: impl Fn(u32) -> u8,
+) -> Solution {
+    solve_by(solver, scene, &MeshOptions { lines, ..sizes([size; 2]) }, until, subdivision)
+}
+
+/// Patches and elements of these sizes, metres.
+fn sizes([patch, element]: [f64; 2]) -> MeshOptions {
+    MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() }
 }
 
 fn solve_by(
     solver: Solver,
     scene: Scene,
-    [patch, element]: [f64; 2],
+    options: &MeshOptions,
     until: f64,
     subdivision: impl Fn(u32) -> u8,
 ) -> Solution {
-    let options = MeshOptions { patch_size: Some(patch), element_size: Some(element), ..MeshOptions::default() };
-    let mesh = mesh::build(&scene, &options, Store::Heap).unwrap();
+    let mesh = mesh::build(&scene, options, Store::Heap).unwrap();
     let subdivisions: Vec<u8> = (0..mesh.patch_count() as u32).map(subdivision).collect();
     let mut mesh = mesh.refined(&scene, &subdivisions, Store::Heap).unwrap();
     let hierarchy = Arc::new(mesh::hierarchy(&mesh));

@@ -75,7 +75,9 @@ impl Small {
     /// If the patch is a whole small side of a facet, with one element.
     fn of(mesh: &Mesh, patch: &Patch) -> Option<Small> {
         let element = patch.first_element;
-        let alone = patch.element_count() == 1 && mesh.facets[patch.facet as usize].patch_count() == 1;
+        let facet = &mesh.facets[patch.facet as usize];
+        // Between the parts of a facet light breaks.
+        let alone = patch.element_count() == 1 && facet.patch_count() == 1 && facet.part == 0;
         if !alone || mesh.valid[element as usize] == 0 {
             return None;
         }

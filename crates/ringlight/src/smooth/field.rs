@@ -19,6 +19,9 @@ const CREASE: f64 = 0.866_025_403_784_438_6;
 /// Where more faces than this meet, each joins only those that face like itself.
 const CHAIN_LIMIT: usize = 64;
 
+/// What has no neighbours to tell how light changes counts by this share where others have.
+const GUESSED: f64 = 1e-3;
+
 /// Light that is still to be found.
 pub const UNKNOWN: Rgb = [f32::NAN; 3];
 
@@ -30,6 +33,8 @@ pub struct Field<'a> {
     /// Where the cells of each sheet begin; the next sheet's begin there too if they are not held.
     first_cell: Vec<u32>,
     cells: Vec<Rgb>,
+    /// Cells whose light is that of their neighbours.
+    filled: Vec<bool>,
     tolerance: f64,
 }
 
@@ -99,7 +104,8 @@ impl<'a> Field<'a> {
             let light = |number, cell| known(solution, sheets.element(number, cell)).unwrap_or(UNKNOWN);
             light_of.iter_mut().zip(all).for_each(|(cell_light, (number, cell))| *cell_light = light(number, cell));
         });
-        Field { sheets, places, first_cell, cells, tolerance }
+        let filled = vec![false; cells.len()];
+        Field { sheets, places, first_cell, cells, filled, tolerance }
     }
 
     /// Whether the light of a sheet is held.
@@ -109,7 +115,7 @@ impl<'a> Field<'a> {
 
     /// Memory that the light takes, bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(self.cells.as_slice())
+        size_of_val(self.cells.as_slice()) + size_of_val(self.filled.as_slice())
     }
 
     /// The sheets.
@@ -132,9 +138,9 @@ impl<'a> Field<'a> {
         self.cells[index]
     }
 
-    /// Sets the light of the cell at a place.
-    pub fn set(&mut self, index: usize, light: Rgb) {
-        self.cells[index] = light;
+    /// Gives the cell at a place light of its neighbours.
+    pub fn fill(&mut self, index: usize, light: Rgb) {
+        (self.cells[index], self.filled[index]) = (light, true);
     }
 
     /// Whether the light at a place is known.
@@ -228,43 +234,68 @@ impl<'a> Field<'a> {
         if parts.is_empty() { [0.0; 3] } else { self.blend(self.sheets.facet(number).frame().at(at), parts) }
     }
 
-    /// Light at `point` from parts around it: their mean; where they lie to one side, as at the border of a surface, it
-    /// follows their gradient to the point, by no more than half. The gradient is that of all light around the parts: where
-    /// a wall stands, take the [`mean`].
+    /// Light at `point` from parts around it: their mean; where they do not surround it within one facet, as at the border of a
+    /// surface or where light breaks, the mean of what follows the gradient of each to the point. Those that have no neighbours
+    /// to tell it hardly count beside others. The gradient is that of all light around the parts: where a wall stands, take the
+    /// [`mean`].
     fn blend(&self, point: DVec3, parts: &[Part]) -> Rgb {
         let weight: f64 = parts.iter().map(|p| p.weight).sum();
-        let mut mean = [0.0; 3];
-        let mut centre = DVec3::ZERO;
-        let mut size = 0.0;
+        let (mut centre, mut size) = (DVec3::ZERO, 0.0);
         for part in parts {
             let (frame, sheet) = (self.sheets.facet(part.sheet).frame(), self.sheets.get(part.sheet));
             centre += part.weight / weight * frame.at(sheet.middle(part.cell));
             size += part.weight / weight * frame.area_vector().length() / f64::from(sheet.grid.cell_count());
-            (0..3).for_each(|c| mean[c] += part.weight / weight * f64::from(part.light[c]));
         }
-        let away = point - centre;
-        let mut change = [0.0; 3];
-        // Surrounded points lie in the middle of their parts.
-        if away.length_squared() > 1e-6 * size {
-            for part in parts {
-                let (frame, grid) = (self.sheets.facet(part.sheet).frame(), self.sheets.get(part.sheet).grid);
-                let [along_u, along_v] = self.gradient(part.sheet, part.cell);
-                let normal = frame.edge_u.cross(frame.edge_v);
-                let n2 = normal.length_squared();
-                let u = away.cross(frame.edge_v).dot(normal) / n2 * f64::from(grid.size[0]);
-                let v = frame.edge_u.cross(away).dot(normal) / n2 * f64::from(grid.size[1]);
-                (0..3).for_each(|c| change[c] += part.weight / weight * (u * along_u[c] + v * along_v[c]));
-            }
+        let facet = |part: &Part| self.sheets.get(part.sheet).facet;
+        let is_surrounded = (point - centre).length_squared() <= 1e-6 * size;
+        if is_surrounded && parts.iter().all(|part| facet(part) == facet(&parts[0])) {
+            return mean(parts);
         }
-        [0, 1, 2].map(|c| (mean[c] + change[c]).clamp(0.5 * mean[c], 1.5 * mean[c]) as f32)
+        let (mut light, mut total) = ([0.0; 3], 0.0);
+        for part in parts {
+            let (followed, trust) = self.followed(point, part);
+            let weight = trust * part.weight;
+            (0..3).for_each(|c| light[c] += weight * followed[c]);
+            total += weight;
+        }
+        light.map(|x| (x / total) as f32)
     }
 
-    /// Change of light from cell to cell along u and v of the sheet's grid.
-    fn gradient(&self, number: u32, cell: u32) -> [[f64; 3]; 2] {
+    /// Light of a part, followed along its gradient to a point by no more than itself, and how far it is to be trusted: less if
+    /// not all of the gradient that counts is known, least if the part took the light of its neighbours.
+    fn followed(&self, point: DVec3, part: &Part) -> ([f64; 3], f64) {
+        let (frame, sheet) = (self.sheets.facet(part.sheet).frame(), self.sheets.get(part.sheet));
+        let middle = sheet.middle(part.cell);
+        let away = point - frame.at(middle);
+        let (along_u, along_v) = (frame.edge_u + middle.y * frame.twist, frame.edge_v + middle.x * frame.twist);
+        let normal = along_u.cross(along_v);
+        let n2 = normal.length_squared();
+        let u = away.cross(along_v).dot(normal) / n2 * f64::from(sheet.grid.size[0]);
+        let v = along_u.cross(away).dot(normal) / n2 * f64::from(sheet.grid.size[1]);
+        let own = part.light.map(f64::from);
+        if self.filled[self.index(part.sheet, part.cell)] {
+            return (own, GUESSED * GUESSED);
+        }
+        let mut light = own;
+        let mut trust = 1.0;
+        for (cells, slope) in [u, v].into_iter().zip(self.gradient(part.sheet, part.cell)) {
+            let slope = slope.unwrap_or_else(|| {
+                if cells.abs() > 0.1 {
+                    trust = GUESSED;
+                }
+                [0.0; 3]
+            });
+            (0..3).for_each(|c| light[c] += cells * slope[c]);
+        }
+        ([0, 1, 2].map(|c| light[c].clamp(0.0, 2.0 * own[c])), trust)
+    }
+
+    /// Change of light from cell to cell along u and v of the sheet's grid, where neighbours tell it.
+    fn gradient(&self, number: u32, cell: u32) -> [Option<[f64; 3]>; 2] {
         let sheet = self.sheets.get(number);
         let grid = sheet.grid;
         if grid.size == [1, 1] {
-            return Default::default();
+            return [None; 2];
         }
         // Triangles take it from those that are turned as their sheet is: upright ones in a whole side.
         let [column, row, turned] = sheet.upright_in_grid(cell);
@@ -274,8 +305,8 @@ impl<'a> Field<'a> {
         // At the tip of a triangle a row has one cell: the row below tells.
         let below = 2 * turned - 1;
         [
-            along_u(column, row).or_else(|| along_u(column, row + below)).unwrap_or_default(),
-            along_v(column, row).or_else(|| along_v(column + below, row)).unwrap_or_default(),
+            along_u(column, row).or_else(|| along_u(column, row + below)),
+            along_v(column, row).or_else(|| along_v(column + below, row)),
         ]
     }
 
@@ -323,7 +354,7 @@ pub fn mean(parts: &[Part]) -> Rgb {
 }
 
 /// Change per cell at cell 0 of a row: central inside, one-sided at its ends; none across an extremum, no more than
-/// twice the next change inwards and no more than the light itself, so that shadow edges do not overshoot.
+/// twice the next change inwards and no more than what takes all light over half a cell, so that shadow edges do not overshoot.
 fn slope(light: impl Fn(i64) -> Option<[f64; 3]>) -> Option<[f64; 3]> {
     let here = light(0)?;
     let end = |direction: i64| {
@@ -331,7 +362,7 @@ fn slope(light: impl Fn(i64) -> Option<[f64; 3]>) -> Option<[f64; 3]> {
         Some([0, 1, 2].map(|c| {
             let near = first[c] - here[c];
             let far = second.map_or(near, |s| 2.0 * (s[c] - first[c]));
-            let change = if near * far <= 0.0 { 0.0 } else { near.abs().min(far.abs()).min(here[c]) };
+            let change = if near * far <= 0.0 { 0.0 } else { near.abs().min(far.abs()).min(2.0 * here[c]) };
             change.copysign(near) * direction as f64
         }))
     };

@@ -17,13 +17,13 @@ pub fn fill(field: &mut Field<'_>) {
     while !gaps.is_empty() {
         let found: Vec<Option<Rgb>> = gaps.par_iter().map(|gap| mean(field, gap)).collect();
         if found.iter().all(|f| f.is_none()) {
-            gaps.iter().for_each(|gap| field.set(gap.index, [0.0; 3]));
+            gaps.iter().for_each(|gap| field.fill(gap.index, [0.0; 3]));
             return;
         }
         let mut found = found.into_iter();
         gaps.retain(|gap| {
             let light = found.next().flatten();
-            field.set(gap.index, light.unwrap_or(UNKNOWN));
+            field.fill(gap.index, light.unwrap_or(UNKNOWN));
             light.is_none()
         });
     }

@@ -265,14 +265,10 @@ fn linear_light_stays_linear_where_patches_are_cut_differently() {
     for (sizes, choices) in [([1.0, 0.25], [1, 2, 3]), ([0.75, 0.75], [1, 2, 4]), ([1.0, 0.5], [5, 2, 1])] {
         let mut solution = solve_refined(read(SHEETS), sizes, 1.0, mixed(choices));
         paint(&mut solution, light);
+        let error = worst(&solution, light, |_, _| true);
+        assert!(error < 1e-4, "{sizes:?}: {error}");
         // The trapezoid's elements differ in size, which a gradient from cell to cell does not know.
         let parallel = |c: &[DVec3]| c[0].x < 10.0;
-        let error = worst(&solution, light, |c, _| parallel(c));
-        assert!(error < 1e-4, "{sizes:?}: {error}");
-        let mut uniform = solve_refined(read(SHEETS), sizes, 1.0, |_| 1);
-        paint(&mut uniform, light);
-        let [error, of_uniform] = [&solution, &uniform].map(|solution| worst(solution, light, |c, _| !parallel(c)));
-        assert!(error <= of_uniform, "{sizes:?}: {error}, uniform {of_uniform}");
         let inquiry = here(&solution);
         let surface = SurfaceLight::new(&solution);
         for (element, corners, normal) in elements(&solution).into_iter().filter(|(_, c, _)| parallel(c)) {

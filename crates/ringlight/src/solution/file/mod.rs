@@ -30,7 +30,7 @@ use std::borrow::Cow;
 use std::io;
 
 const MAGIC: &[u8; 8] = b"RINGLIGH";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 
 /// Bytes of a section's name.
 const NAME: usize = 24;
