@@ -22,6 +22,8 @@ pub struct Glance<'a> {
     doubted: Option<(u32, f32, Ray)>,
     /// Lit elements that it met, and their shares of what it sees.
     pub seen: SmallVec<[(u32, f32); 1]>,
+    /// Whether some of it meets nothing.
+    pub escapes: bool,
 }
 
 /// `count` directions about the z axis, each of which stands for as much irradiance (Malley): above points of a disc along a spiral that
@@ -56,7 +58,7 @@ impl<'a> Glance<'a> {
             let direction = (d.x * t + d.y * u + d.z * normal).as_vec3().to_array();
             glances.extend(starts.iter().map(|&(origin, plane)| {
                 let ray = Ray { origin, direction, near: 0.0, far: f32::INFINITY, plane };
-                Glance { mesh, ray, surfaces: 0, passing: 1.0, doubted: None, seen: SmallVec::new() }
+                Glance { mesh, ray, surfaces: 0, passing: 1.0, doubted: None, seen: SmallVec::new(), escapes: false }
             }));
         }
         glances
@@ -86,7 +88,7 @@ impl Walk for Glance<'_> {
             return;
         }
         let Some(hit) = hit else {
-            self.passing = 0.0;
+            (self.passing, self.escapes) = (0.0, true);
             return;
         };
         let mesh = self.mesh;

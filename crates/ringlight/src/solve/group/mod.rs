@@ -176,9 +176,10 @@ impl Solving<'_, '_, '_> {
             let own = receivers.elements.iter().map(|e| shooting::strength(received[(first + e) as usize]) + guess);
             (own.sum::<f32>() / receivers.elements.len() as f32).max(floor.least)
         };
-        // Who saw nothing of anything in the first round is inside of something.
-        let sees = |receivers: &Receivers, first: u32| {
-            round == 0 || receivers.elements.iter().any(|e| received[(first + e) as usize] != [0.0; 3])
+        // Who got nothing in the first round, and sees nothing that has light, is inside of something.
+        let has_light = |e: u32| received[e as usize] != [0.0; 3] || elements[e as usize] != [0.0; 3];
+        let may_be_inside = |receivers: &Receivers, first: u32| {
+            round > 0 && receivers.elements.iter().all(|e| received[(first + e) as usize] == [0.0; 3])
         };
         let own = self.world.share.own.as_slice();
         let mut found: Vec<(usize, Vec<Arrived>, Rows)> = Vec::new();
@@ -196,20 +197,26 @@ impl Solving<'_, '_, '_> {
                 let receivers = Receivers::of(mesh, &faces, cluster);
                 receivers.into_iter().map(move |receivers| (own[place], cluster.elements.start, receivers))
             });
-            let wanted = all.filter(|(_, first, receivers)| sees(receivers, *first)).enumerate();
             let task = |(number, (cluster, first, receivers)), inquiry: Inquiry<'r>| {
-                let (cut, around, own_light) = (&cut, &around, &own_light);
+                let (cut, around, own_light, has_light, may_be_inside) =
+                    (&cut, &around, &own_light, &has_light, &may_be_inside);
                 async move {
+                    let mut looked = Tally::default();
+                    if may_be_inside(&receivers, first)
+                        && !around.sees(&receivers, first, has_light, &inquiry, &mut looked).await
+                    {
+                        return (number, Vec::new(), Rows::default(), looked);
+                    }
                     let own = own_light(&receivers, first);
                     let reached = reach.of(cluster);
                     let (lamps, rays) = cut.light(&receivers, (first, own), reached, &inquiry).await;
                     let (rows, more) = around.rows(&receivers, first, own, &inquiry).await;
-                    (number, lamps, rows, rays.join(more))
+                    (number, lamps, rows, looked.join(rays).join(more))
                 }
             };
             let before = found.len();
             let tally = &mut self.tally;
-            ring.ask(ranks, wanted, task, |(number, lamps, rows, asked)| {
+            ring.ask(ranks, all.enumerate(), task, |(number, lamps, rows, asked)| {
                 *tally = tally.join(asked);
                 found.push((before + number, lamps, rows));
             })?;

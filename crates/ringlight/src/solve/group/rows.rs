@@ -83,6 +83,25 @@ impl Around<'_> {
         (rows, tally)
     }
 
+    /// Whether some receivers, whose elements are numbered from `first`, see the open or an element that `has_light`, by a few rays of
+    /// each.
+    pub async fn sees(
+        &self,
+        receivers: &Receivers,
+        first: u32,
+        has_light: impl Fn(u32) -> bool,
+        inquiry: &Inquiry<'_>,
+        tally: &mut Tally,
+    ) -> bool {
+        for outlook in self.outlooks(receivers, first) {
+            let glances = self.look(&outlook, &spiral(ROUGH), inquiry, tally).await;
+            if glances.iter().any(|glance| glance.escapes || glance.seen.iter().any(|&(e, _)| has_light(e))) {
+                return true;
+            }
+        }
+        false
+    }
+
     /// Where some receivers look from.
     fn outlooks(&self, receivers: &Receivers, first: u32) -> Vec<Outlook> {
         let mut outlooks: Vec<Outlook> = Vec::new();
