@@ -4,7 +4,7 @@ use super::cells::{Interpolation, Sharing};
 use super::shot::{CellLight, FAR, PatchSource, Shoot, Shot, Source};
 use crate::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile, free_share};
 use glam::{DVec2, DVec3};
-use ringlight_visibility::{Cells, Grid, Layout, Shooter};
+use ringlight_visibility::{Cells, Grid, Shooter};
 use std::sync::OnceLock;
 
 /// Radiosity over a patch, interpolated between its elements.
@@ -180,22 +180,13 @@ pub(super) fn shot_of(patch: &Patch, frame: &Frame, weights: &[[f64; 3]], densit
     }
 }
 
-/// `side`² cells on a piece of surface, seen at their centres; in a parallelogram at places that are turned about its middle by a step
-/// for each `side` of them. So no two lie in one line along its sides: the shadow of an edge that is parallel to a side, as most are in
-/// rooms, passes over one cell after the other and not over a row of them at once. Each place stays within its cell, and their mean
-/// in the middle.
+/// `side`² cells on a piece of surface.
 pub(super) fn grid_of(frame: &Frame, side: u32) -> Grid {
     let single = |p: DVec3| p.as_vec3().to_array();
-    let (mut origin, mut edge_u, mut edge_v) = (frame.origin, frame.edge_u, frame.edge_v);
-    let is_straight = frame.twist.length() < 1e-5 * (frame.edge_u + frame.edge_v).length();
-    if frame.layout == Layout::Quad && is_straight {
-        let n = f64::from(side);
-        (origin, edge_u, edge_v) = (origin + (edge_v - edge_u) / (2.0 * n), edge_u - edge_v / n, edge_v + edge_u / n);
-    }
     Grid {
-        origin: single(origin),
-        edge_u: single(edge_u),
-        edge_v: single(edge_v),
+        origin: single(frame.origin),
+        edge_u: single(frame.edge_u),
+        edge_v: single(frame.edge_v),
         twist: single(frame.twist),
         layout: frame.layout,
         side,

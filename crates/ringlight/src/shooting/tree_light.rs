@@ -6,7 +6,7 @@ use super::shot::{FAR, Shot, Source};
 use super::tree::{Kind, Node, Piece, ShooterTree};
 use crate::mesh::{ALL_VALID, Frame, Mesh, Patch, Tile};
 use glam::{DVec2, Vec3};
-use ringlight_visibility::{Cells, Layout, NO_PLANE, Shooter};
+use ringlight_visibility::{Cells, Grid, Layout, NO_PLANE, Shooter};
 use std::f32::consts::PI;
 
 /// Radiosity of elements: W/m² or lm/m².
@@ -27,6 +27,9 @@ pub struct TreeLight {
 pub fn strength(radiosity: Radiosity) -> f32 {
     (radiosity[0] + radiosity[1] + radiosity[2]) / 3.0
 }
+
+/// A piece is a parallelogram if its opposite sides differ by less than this share of its diagonal.
+const STRAIGHT: f32 = 1e-5;
 
 /// Elements under a cell that are looked at along each of its sides, at most.
 const LOOKS: u32 = 4;
@@ -87,7 +90,7 @@ impl TreeLight {
             Kind::Piece(piece) => {
                 let patch = piece.patch(mesh);
                 let (weights, density) = piece_weights(mesh, of, &piece, &patch, elements, side);
-                let grid = grid_of(&patch.frame, side);
+                let grid = turned(grid_of(&patch.frame, side));
                 let area = (patch.area / f64::from(side * side)) as f32;
                 let mut cells = FarCells::new(Cells::Grid(grid), patch.plane);
                 for (k, (weight, density)) in weights.iter().zip(density).enumerate() {
@@ -173,7 +176,25 @@ fn piece_shot(mesh: &Mesh, node: &Node, piece: &Piece, elements: &[Radiosity], s
     let patch = piece.patch(mesh);
     let (weights, density) = piece_weights(mesh, node, piece, &patch, elements, side);
     let weights: Vec<[f64; 3]> = weights.iter().map(|&w| [w; 3]).collect();
-    shot_of(&patch, &patch.frame, &weights, density, 0.0)
+    let mut shot = shot_of(&patch, &patch.frame, &weights, density, 0.0);
+    if let Cells::Grid(grid) = &mut shot.shooter.cells {
+        *grid = turned(*grid);
+    }
+    shot
+}
+
+/// The same cells of a parallelogram, seen not at their centres but at places that are turned about its middle by a step for each
+/// `side` of them. So no two lie in one line along its sides: the shadow of an edge that is parallel to a side, as most are in rooms,
+/// passes over one cell after the other and not over a row of them at once. Each place stays within its cell, and their mean in the
+/// middle.
+fn turned(grid: Grid) -> Grid {
+    let [origin, u, v, twist] = [grid.origin, grid.edge_u, grid.edge_v, grid.twist].map(Vec3::from);
+    if grid.layout == Layout::Triangle || twist.length() > STRAIGHT * (u + v).length() {
+        return grid;
+    }
+    let step = 1.0 / grid.side as f32;
+    let origin = origin + step / 2.0 * (v - u);
+    Grid { origin: origin.into(), edge_u: (u - step * v).into(), edge_v: (v + step * u).into(), ..grid }
 }
 
 /// Radiosity of the cells of a piece that is 1 on average over its free area, and their densities.
