@@ -268,7 +268,7 @@ pub struct SizeArguments {
     #[arg(long, value_name = "M", value_parser = values::positive)]
     pub element_size: Option<f64>,
     /// Cut large faces along the straight edges of the shadows of so many area lights, the strongest, and where things stand on them
-    #[arg(long, value_name = "LIGHTS", default_value_t = 0)]
+    #[arg(long, value_name = "LIGHTS", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=256))]
     pub lines: u32,
     /// Unit of an OBJ file's lengths; metres by default
     #[arg(long, value_enum)]

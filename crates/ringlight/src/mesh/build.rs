@@ -22,7 +22,8 @@ pub struct MeshOptions {
     pub patch_size: Option<f64>,
     /// Largest edge of an element, metres.
     pub element_size: Option<f64>,
-    /// Of so many area lights, the strongest, the lines along which they let light break on large facets are edges of elements.
+    /// Of so many area lights, the strongest, the lines along which they let light break on large facets are edges of elements; and,
+    /// unless it is 0, those along which something stands on the facets or passes through. What shines of one surface in one plane is one light.
     pub lines: u32,
 }
 

@@ -7,11 +7,14 @@ use bytemuck::Pod;
 use glam::{DVec2, DVec3};
 use std::io;
 
-/// Parts are no narrower than this share of an element: what is nearer to an edge is as good as on it.
+/// Lines cut off no less than this share of an element: what is nearer to an edge is as good as on it.
 const NARROW: f64 = 1.0 / 16.0;
 
 /// Lines that cross less than this share of an element of a part do not cut it.
 const SHORT: f64 = 0.25;
+
+/// Corners of parts have sines of at least this, as those of paired triangles: others would be slivers.
+const SHARP: f64 = 0.05;
 
 /// A facet is cut into this many parts at most.
 const MOST_PARTS: usize = 4096;
@@ -56,7 +59,16 @@ impl Ground {
 
 /// Cuts facets, whose patches are not numbered yet, along lines, sorted by facet, and gives all of them their grids.
 pub fn cut(mesh: &mut Mesh, lines: &[Line], store: Store<'_>) -> io::Result<()> {
+    if lines.is_empty() {
+        let sizes = mesh.sizes;
+        for facet in &mut mesh.facets {
+            let lengths = size::lengths(facet);
+            (facet.patches, facet.elements) = size::grids(lengths, &sizes, size::scale(lengths, &sizes));
+        }
+        return Ok(());
+    }
     let whole = std::mem::replace(&mut mesh.facets, store.column()?);
+    mesh.facets.reserve(whole.len())?;
     let mut lines = lines.chunk_by(|a, b| a.facet == b.facet).peekable();
     for (number, facet) in (0..).zip(whole.iter()) {
         let scale = size::scale(size::lengths(facet), &mesh.sizes);
@@ -105,11 +117,12 @@ fn parts(facet: &Facet, lines: &[Line], element: f64) -> Vec<Vec<Corner>> {
 /// The two parts of a part on either side of a line, unless one would be too narrow or what the line crosses is too short.
 fn divide(part: &[Corner], [from, to]: [DVec2; 2], element: f64) -> Option<[Vec<Corner>; 2]> {
     let along = (to - from).normalize();
-    let heights: Vec<f64> = part.iter().map(|corner| along.perp_dot(corner.at - from)).collect();
-    let (lowest, highest) = heights.iter().fold((f64::MAX, f64::MIN), |(l, h), &x| (l.min(x), h.max(x)));
+    let height = |corner: &Corner| along.perp_dot(corner.at - from);
+    let (lowest, highest) = part.iter().map(height).fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x), h.max(x)));
     if lowest > -NARROW * element || highest < NARROW * element {
         return None;
     }
+    let heights: Vec<f64> = part.iter().map(height).collect();
     let mut sides = [Vec::new(), Vec::new()];
     let mut crossings = Vec::new();
     // What lies next to the line lies on it: no part gets a corner that it can do without.
@@ -131,7 +144,18 @@ fn divide(part: &[Corner], [from, to]: [DVec2; 2], element: f64) -> Option<[Vec<
     }
     let [a, b] = crossings[..] else { return None };
     let crossed = a.max(b).min((to - from).length()) - a.min(b).max(0.0);
-    (crossed >= SHORT * element && sides.iter().all(|side| side.len() > 2)).then_some(sides)
+    let is_sound = |side: &Vec<Corner>| side.len() > 2 && quadrilaterals(side).all(|corners| !is_sliver(&corners));
+    (crossed >= SHORT * element && sides.iter().all(is_sound)).then_some(sides)
+}
+
+/// Whether a quadrilateral, or a triangle that repeats its first corner, has a corner that is too sharp or too flat.
+fn is_sliver(corners: &[Corner; 4]) -> bool {
+    let count = if corners[3].at == corners[0].at { 3 } else { 4 };
+    (0..count).any(|k| {
+        let [before, here, after] = [k + count - 1, k, k + 1].map(|k| corners[k % count].at);
+        let [a, b] = [before - here, after - here];
+        b.perp_dot(a) < SHARP * a.length() * b.length()
+    })
 }
 
 impl Corner {

@@ -81,13 +81,13 @@ pub fn lines(mesh: &Mesh, scene: &Scene, lights: u32) -> Vec<Line> {
     };
     let all = 0..facets.len() as u32;
     let lit = outlines(mesh, scene, lights);
+    let edges = edges(facets, SHORT * element, opaque);
     let search = Search {
         mesh,
         opaque: hierarchy(facets, all.clone().filter(|&f| opaque(f))),
         large: hierarchy(facets, all.filter(|&f| is_large(f))),
         element,
     };
-    let edges = edges(facets, SHORT * element, opaque);
     let mut lines: Vec<Line> = edges.par_iter().flat_map_iter(|edge| search.of_edge(edge, &lit)).collect();
     let numbers = (0..facets.len() as u32).into_par_iter().filter(|&f| opaque(f));
     lines.par_extend(numbers.flat_map_iter(|f| search.crossings(f)));
@@ -206,23 +206,31 @@ impl Search<'_> {
         if one * other < -1e-6 {
             return;
         }
-        let side = if one.abs() > other.abs() { one } else { other }.signum();
         let beyond = (to - from).reject_from_normalized(along).normalize();
         let slack = STRAY * self.element;
         let half = |normal: DVec3, offset: f64| HalfSpace { normal: normal.to_array(), offset };
+        // Beyond the edge, and between what goes from one end of the light's edge past the other end of this one.
+        let ordered = |[a, b]: [DVec3; 2]| if along.dot(b - a) < 0.0 { [b, a] } else { [a, b] };
+        let ([low, high], [lowest, highest]) = (ordered(edge.ends), ordered(light.ends));
+        let past = |from: DVec3, end: DVec3, outwards: DVec3| {
+            let normal = across.cross(end - from).normalize();
+            let normal = if normal.dot(outwards) < 0.0 { -normal } else { normal };
+            half(normal, normal.dot(end) + slack)
+        };
         let region = [
             half(across, across.dot(to) + slack),
             half(-across, slack - across.dot(to)),
             half(-beyond, slack - beyond.dot(to)),
+            past(lowest, high, along),
+            past(highest, low, -along),
         ];
         for number in self.large_in(&region).into_iter().filter(|&f| self.facet(f).plane != light.plane) {
-            lines.extend(self.meet(number, edge, light, side * across));
+            lines.extend(self.meet(number, edge, light, across));
         }
     }
 
-    /// Where the plane of an edge and a light's edge meets a facet, and light breaks there. `hidden` points to where what meets at
-    /// the edge is.
-    fn meet(&self, number: u32, edge: &Edge, light: &Lit, hidden: DVec3) -> Option<Line> {
+    /// Where the plane of an edge and a light's edge, whose normal is `across`, meets a facet, and light breaks there.
+    fn meet(&self, number: u32, edge: &Edge, light: &Lit, across: DVec3) -> Option<Line> {
         let facet = self.facet(number);
         let ground = Ground::of(facet);
         let middle = (light.ends[0] + light.ends[1]) / 2.0;
@@ -260,7 +268,7 @@ impl Search<'_> {
         let breaks = |k: u32| {
             let at = start + (end - start) * (f64::from(k) + 0.5) / f64::from(LOOKS);
             let point = ground.at(on_line(at));
-            self.breaks(point, sign * ground.normal, facet.plane, ends, light, hidden)
+            self.breaks((point, sign * ground.normal, facet.plane), ends, light, across)
         };
         let seen: Vec<u32> = (0..LOOKS).filter(|&k| breaks(k)).collect();
         let (&first, &last) = (seen.first()?, seen.last()?);
@@ -269,7 +277,13 @@ impl Search<'_> {
     }
 
     /// Whether of two points beside `point` one sees what is behind the edge of a light, and the other does not.
-    fn breaks(&self, point: DVec3, normal: DVec3, plane: u32, edge: [DVec3; 2], light: &Lit, hidden: DVec3) -> bool {
+    fn breaks(
+        &self,
+        (point, normal, plane): (DVec3, DVec3, u32),
+        edge: [DVec3; 2],
+        light: &Lit,
+        across: DVec3,
+    ) -> bool {
         let along = (edge[1] - edge[0]).normalize();
         let place = |p: DVec3| along.dot(p - point);
         // The light's edge is seen through the edge in part: the middle of that.
@@ -284,7 +298,7 @@ impl Search<'_> {
         }
         let share = ((low + high) / 2.0 - place(light.ends[0])) / (place(light.ends[1]) - place(light.ends[0]));
         let to = light.ends[0].lerp(light.ends[1], share) + 1e-3 * self.element * light.inward;
-        let aside = hidden.reject_from_normalized(normal).normalize_or_zero() * self.element / 32.0;
+        let aside = across.reject_from_normalized(normal).normalize_or_zero() * self.element / 32.0;
         let sees = |from: DVec3| {
             let origin = from + 1e-4 * self.element * normal;
             let direction = (to - origin).as_vec3().to_array();

@@ -14,7 +14,7 @@ pub struct Edge {
     pub ends: [DVec3; 2],
     /// The facet on one of its sides.
     pub facet: u32,
-    /// From its middle into the facets that meet there, unit vectors across the edge; the same twice where there is one.
+    /// From its middle into two of the facets that end there, unit vectors across the edge; the same twice where there is one.
     pub inward: [DVec3; 2],
 }
 
@@ -33,12 +33,12 @@ pub fn edges(facets: &[Facet], shortest: f64, wanted: impl Fn(u32) -> bool + Syn
     let mut halves: Vec<Half> = numbers.flat_map_iter(|f| halves(f, &facets[f as usize], shortest)).collect();
     halves.par_sort_unstable_by_key(|h| (h.key, h.facet));
     let joined = |halves: &[Half]| {
-        let inward = match halves {
-            [a, b] => [a.inward, b.inward],
-            _ => [halves[0].inward; 2],
-        };
-        let ends = halves[0].ends.map(|end| end.as_dvec3());
-        (inward[0].dot(inward[1]) > -STRAIGHT).then_some(Edge { ends, facet: halves[0].facet, inward })
+        // What goes on beyond the edge does not end there.
+        let goes_on = |half: &Half| halves.iter().any(|other| half.inward.dot(other.inward) < -STRAIGHT);
+        let mut ending = halves.iter().filter(|half| !goes_on(half));
+        let first = ending.next()?;
+        let inward = [first.inward, ending.next_back().unwrap_or(first).inward];
+        Some(Edge { ends: first.ends.map(|end| end.as_dvec3()), facet: first.facet, inward })
     };
     halves.chunk_by(|a, b| a.key == b.key).filter_map(joined).collect()
 }
