@@ -101,7 +101,7 @@ impl<'a> Shots<'a> {
         }
         let shooter = PreparedShooter::new(&shot.shooter);
         for (cluster, light) in self.light.iter_mut().enumerate() {
-            shooting::receive(mesh, cluster, light, &shot, &shooter, &self.office.whole, &mut self.work);
+            shooting::receive(mesh, (cluster, |_| true), light, &shot, &shooter, &self.office.whole, &mut self.work);
         }
         Some(shot)
     }

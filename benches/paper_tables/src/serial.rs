@@ -166,7 +166,7 @@ fn packets(
 ) -> Vec<(Packet, Vec<Segment>)> {
     let mut packets: Vec<Vec<Segment>> = Vec::new();
     for (own, (&cluster, work)) in clusters.iter().zip(&mut *works).enumerate() {
-        shooting::collect(mesh, cluster, shot, work);
+        shooting::collect(mesh, (cluster, |_| true), shot, work);
         let (mut first, count) = (0, work.packet().masks().len());
         while first < count {
             let held = |packet: &Vec<Segment>| packet.iter().map(|segment| segment.2).sum::<usize>();

@@ -7,7 +7,10 @@ use glam::{DVec3, Vec3};
 use std::io;
 
 /// Elements per cluster aimed at. Small enough for tight boxes, large enough that per-cluster work vanishes.
-pub const CLUSTER_ELEMENTS: u32 = 64;
+pub const CLUSTER_ELEMENTS: u32 = 256;
+
+/// Elements that follow each other are neighbours: a cluster is ordered by halves down to so many.
+const NEIGHBOURS: u32 = 16;
 
 /// A facet on its way into order.
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -35,12 +38,16 @@ pub fn order(facets: &[Facet], turn: f64, store: Store<'_>) -> io::Result<(Colum
     let mut groups = store.column()?;
     let whole = 0..items.len();
     let mut stack = vec![whole];
+    let mut grouped = 0;
     while let Some(range) = stack.pop() {
         let part = &mut items[range.clone()];
         let elements: u64 = part.iter().map(|item| u64::from(item.elements)).sum();
-        if part.len() <= 1 || elements <= u64::from(CLUSTER_ELEMENTS) {
-            part.sort_unstable_by_key(|item| item.facet);
+        if range.start >= grouped && (part.len() <= 1 || elements <= u64::from(CLUSTER_ELEMENTS)) {
+            grouped = range.end;
             groups.push(part.len() as u32)?;
+        }
+        if part.len() <= 1 || elements <= u64::from(NEIGHBOURS) {
+            part.sort_unstable_by_key(|item| item.facet);
             continue;
         }
         let mut extent = [(f32::INFINITY, f32::NEG_INFINITY); 6];

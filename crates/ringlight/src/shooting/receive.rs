@@ -33,17 +33,18 @@ struct Sample {
     followers: u8,
 }
 
-/// Adds to `light`, the light of cluster number `cluster`, what it receives from `shot`, whose shooter is `shooter`.
+/// Adds to `light`, the light of cluster number `cluster`, what those of its patches that are `among` the receivers get of `shot`,
+/// whose shooter is `shooter`.
 pub fn receive(
     mesh: &Mesh,
-    cluster: usize,
+    (cluster, among): (usize, impl Fn(usize) -> bool),
     light: &mut ClusterLight,
     shot: &Shot,
     shooter: &PreparedShooter,
     hierarchy: &Hierarchy,
     work: &mut Work,
 ) -> Tally {
-    collect(mesh, cluster, shot, work);
+    collect(mesh, (cluster, among), shot, work);
     if work.samples.is_empty() {
         return Tally::default();
     }
@@ -59,9 +60,9 @@ pub fn add_received(mesh: &Mesh, cluster: usize, light: &mut ClusterLight, shot:
     add(mesh, cluster, light, is_hard(shot), work);
 }
 
-/// The first step of [`receive`]: collects the sample points of a cluster that face the shooter, with the cells above their
-/// horizon.
-pub fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
+/// The first step of [`receive`]: collects the sample points of a cluster's patches `among` the receivers, by their places in it, that
+/// face the shooter, with the cells above their horizon.
+pub fn collect(mesh: &Mesh, (cluster, among): (usize, impl Fn(usize) -> bool), shot: &Shot, work: &mut Work) {
     work.clear();
     let hard = is_hard(shot);
     let cluster = &mesh.clusters[cluster];
@@ -73,7 +74,7 @@ pub fn collect(mesh: &Mesh, cluster: usize, shot: &Shot, work: &mut Work) {
             return;
         }
     }
-    for id in cluster.patches.clone() {
+    for (_, id) in cluster.patches.clone().enumerate().filter(|&(place, _)| among(place)) {
         let patch = mesh.patch(id);
         if !may_face(&patch, shot) {
             continue;

@@ -261,12 +261,14 @@ const SHEETS: &str = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nv 6 0.5 0\nv 6 3.5 0\n
 #[test]
 fn linear_light_stays_linear_where_patches_are_cut_differently() {
     let light = |p: DVec3, n: DVec3| 8.0 + p.x + 0.5 * p.y + n.z;
+    // Of light about 15; slopes that are not known have a thousandth of the weight, not none.
+    let nearly = 3e-4;
     // Patches of many elements, and of one where they are not refined.
     for (sizes, choices) in [([1.0, 0.25], [1, 2, 3]), ([0.75, 0.75], [1, 2, 4]), ([1.0, 0.5], [5, 2, 1])] {
         let mut solution = solve_refined(read(SHEETS), sizes, 1.0, mixed(choices));
         paint(&mut solution, light);
         let error = worst(&solution, light, |_, _| true);
-        assert!(error < 1e-4, "{sizes:?}: {error}");
+        assert!(error < nearly, "{sizes:?}: {error}");
         // The trapezoid's elements differ in size, which a gradient from cell to cell does not know.
         let parallel = |c: &[DVec3]| c[0].x < 10.0;
         let inquiry = here(&solution);
@@ -276,7 +278,7 @@ fn linear_light_stays_linear_where_patches_are_cut_differently() {
             for within in [DVec2::splat(0.25), DVec2::new(0.02, 0.03)] {
                 let place = frame.at(within);
                 let got = f64::from(at_once(surface.at(&inquiry, element, within)).unwrap()[0]);
-                assert!((got - light(place, normal)).abs() < 1e-4, "element {element} at {within}");
+                assert!((got - light(place, normal)).abs() < nearly, "element {element} at {within}");
             }
         }
     }

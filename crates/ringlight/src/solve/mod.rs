@@ -1,5 +1,6 @@
 //! Progressive refinement: choose, shoot, receive, until it is good.
 
+mod among;
 mod asking;
 mod choice;
 mod energy;
@@ -15,12 +16,13 @@ mod share;
 mod state;
 mod walking;
 
+pub use among::Among;
 pub use energy::Energy;
 pub use group::usual_rays;
 pub use holding::OUTLINE;
 pub use ledger::Ledger;
 pub use plain::plain;
-pub use ring::{Among, Clock, Job, Ring};
+pub use ring::{Clock, Job, Ring};
 pub use share::{Share, Spread};
 pub use state::{State, World};
 

@@ -1,8 +1,8 @@
 //! Plain progressive refinement (paper, sections 1.1 and 2.2; Cohen et al. 1988).
 
+use super::among::Among;
 use super::choice::{Offer, Summary};
-use super::precision;
-use super::ring::Among;
+use super::precision::Precision;
 use super::ring::Job;
 use super::{Control, Observer, Progress, Ring, State, StopReason, StopRule, World};
 use crate::shooting::{self, Audit, ClusterLight, PatchLight, Shot};
@@ -45,6 +45,7 @@ pub fn plain(
     ranks: &mut Communicator<'_>,
     observer: &mut dyn Observer,
 ) -> Result<(StopReason, Progress), Failure> {
+    let precision = Precision::new(world);
     let mut under_way = UnderWay::new();
     let mut audits = Audits::default();
     // Whether the observer is to be asked: it has waited, or a shot has been committed since.
@@ -80,7 +81,7 @@ pub fn plain(
         let number = state.shots + under_way.len() as u64;
         let room = (under_way.len() as u64) < u64::from(world.settings.shooters_in_flight);
         let next = if room && stop.max_shots.is_none_or(|n| number < n) {
-            choose(world, ring, state, &under_way, joined.offer, ranks)?
+            choose((world, &precision), ring, state, &under_way, joined.offer, ranks)?
         } else {
             None
         };
@@ -159,7 +160,7 @@ fn progress(world: &World<'_>, state: &State, joined: &Summary) -> Progress {
 /// The next shot: first the lights that are no surfaces, then always the patch with the most unshot power, which its owner
 /// tells of.
 fn choose(
-    world: &World<'_>,
+    (world, precision): (&World<'_>, &Precision),
     ring: &mut Ring<'_>,
     state: &State,
     under_way: &UnderWay,
@@ -168,20 +169,19 @@ fn choose(
 ) -> Result<Option<Chosen>, Failure> {
     let emitters = under_way.iter().filter(|(_, chosen)| chosen.patch.is_none()).count();
     if let Some(emitter) = world.emitters.get(state.emitters_shot as usize + emitters) {
-        return Ok(Some(Chosen { shots: vec![(emitter.clone(), None)], patch: None, unshot: Vec::new() }));
+        return Ok(Some(Chosen { shots: vec![(emitter.clone(), Among::default())], patch: None, unshot: Vec::new() }));
     }
     let Some(id) = best.patch() else { return Ok(None) };
     let (mesh, share) = (world.mesh, ring.share().clone());
     let cluster = mesh.cluster_of(id);
     let owner = share.owners[cluster] as usize;
-    let sides = precision::sides(&world.settings);
     let own = share.place(cluster).map(|place| {
         let light = &state.clusters[place];
         let patch = mesh.patch(id);
         let index = (id - mesh.clusters[cluster].patches.start) as usize;
         let shot = |&side: &u32| shooting::patch_shot(mesh, &patch, light, index, side, world.settings.shoot);
         let unshot = light.patch(mesh, &patch).iter().map(|e| e.unshot).collect();
-        (sides.iter().map(shot).collect::<Vec<Shot>>(), unshot)
+        (precision.sides.iter().map(shot).collect::<Vec<Shot>>(), unshot)
     });
     let bytes = own.as_ref().map_or(Vec::new(), |(shots, _)| shots.iter().flat_map(Shot::to_bytes).collect());
     let bytes = ranks.broadcast_meanwhile(owner, SHOT, bytes, &mut |ranks| ring.serve(ranks))?;
@@ -195,11 +195,11 @@ fn choose(
                 rest = others;
                 Shot::from_bytes(mesh, bytes)
             };
-            let shots: Option<Vec<Shot>> = sides.iter().map(told).collect();
+            let shots: Option<Vec<Shot>> = precision.sides.iter().map(told).collect();
             (shots.ok_or(Failure { rank: share.rank, message })?, Vec::new())
         }
     };
-    let among = precision::among(world, state, &shots);
+    let among = precision.among(world, state, &shots);
     let shots = shots.into_iter().map(Arc::new).zip(among).collect();
     Ok(Some(Chosen { shots, patch: Some(id), unshot }))
 }

@@ -1,7 +1,7 @@
 //! The points of a rank's own clusters that receive a shot: out in packets, home with final masks.
 
+use super::among::Among;
 use super::exchange::Part;
-use super::ring::Among;
 use super::share::Share;
 use crate::mesh::Mesh;
 use crate::ring::{Answers, Content, Packet, Samples};
@@ -132,11 +132,8 @@ impl<'a> Receiving<'a> {
             self.next = range.end;
             let (mesh, own, shot, among) = (self.mesh, &self.share.own, &self.shot, &self.among);
             let collect = |slot: &mut Slot| {
-                if among.as_ref().is_none_or(|among| among[slot.cluster]) {
-                    shooting::collect(mesh, own[slot.cluster] as usize, shot, &mut slot.work);
-                } else {
-                    slot.work.clear();
-                }
+                let receivers = (own[slot.cluster] as usize, among.at(slot.cluster));
+                shooting::collect(mesh, receivers, shot, &mut slot.work);
             };
             if let [slot] = chosen[..] {
                 collect(&mut self.slots[slot]);

@@ -1,5 +1,6 @@
 //! A rank in its ring: the geometry that it holds, and how its clusters come to see a shot.
 
+use super::among::Among;
 use super::asking;
 use super::exchange::{Effort, Part, RingExchange};
 use super::holding::Holding;
@@ -58,9 +59,6 @@ struct Wider<'a> {
 
 /// Tells CPU time of this rank so far, seconds.
 pub type Clock = Box<dyn Fn() -> f64 + Send>;
-
-/// Own clusters that receive a shot, by their places in the share; all if none are named.
-pub type Among = Option<Arc<[bool]>>;
 
 /// A job under way: what the ring is asked for one shooter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,7 +162,7 @@ impl<'a> Ring<'a> {
         self.wider().map_or(Visits::default(), |wider| wider.exchange.visits())
     }
 
-    /// Begins to find what own clusters, those among all that are to receive it, see of a shot. Every rank calls it.
+    /// Begins to find what patches of own clusters, those among all that are to receive it, see of a shot. Every rank calls it.
     pub fn begin(&mut self, shot: &Arc<Shot>, among: &Among) -> Job {
         let Geometry::Spread(wider) = &mut self.geometry else { return Job(0) };
         let job = wider.begin(&shot.shooter);
@@ -309,10 +307,7 @@ fn receive(
 ) -> Tally {
     let shooter = PreparedShooter::new(&shot.shooter);
     let one = |work: &mut Work, (place, (&cluster, light)): (usize, (&u32, &mut ClusterLight))| {
-        if among.as_ref().is_some_and(|among| !among[place]) {
-            return Tally::default();
-        }
-        shooting::receive(mesh, cluster as usize, light, shot, &shooter, hierarchy, work)
+        shooting::receive(mesh, (cluster as usize, among.at(place)), light, shot, &shooter, hierarchy, work)
     };
     let own = share.own.par_iter().zip(light).enumerate();
     own.with_min_len(4).map_init(Work::default, one).reduce(Tally::default, Tally::join)

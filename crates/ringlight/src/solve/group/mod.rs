@@ -18,7 +18,7 @@ mod rows;
 
 use super::choice::Summary;
 use super::plain::Audits;
-use super::{Observer, Progress, Ring, State, StopReason, World};
+use super::{Among, Observer, Progress, Ring, State, StopReason, World};
 use crate::mesh::Inquiry;
 use crate::quantity::Rgb;
 use crate::shooting::{self, ClusterLight, Faces, Field, Radiosity, Receivers, Shoot, ShooterTree, TreeLight};
@@ -135,8 +135,8 @@ fn shoot_emitters(
     let mut direct: Vec<ClusterLight> = own.map(|&c| ClusterLight::new(world.mesh, c as usize)).collect();
     let mut audits = Audits::default();
     for (number, emitter) in world.emitters.iter().enumerate() {
-        let job = ring.begin(emitter, &None);
-        ring.commit(ranks, job, (emitter, &None), &mut direct)?;
+        let job = ring.begin(emitter, &Among::default());
+        ring.commit(ranks, job, (emitter, &Among::default()), &mut direct)?;
         if number as u64 == state.emitters_shot {
             state.emitters_shot += 1;
             state.shots += 1;
