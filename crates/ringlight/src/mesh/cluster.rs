@@ -6,7 +6,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use std::io;
 
-/// Elements per cluster aimed at. Small enough for tight boxes, large enough that per-cluster work vanishes.
+/// Elements per cluster aimed at. Small enough to deal out evenly, large enough that those lit as one with their neighbours, most of a
+/// finely tessellated model, leave others enough to look together.
 pub const CLUSTER_ELEMENTS: u32 = 256;
 
 /// Elements that follow each other are neighbours: a cluster is ordered by halves down to so many.
