@@ -111,12 +111,22 @@ impl Task for Hitting<'_> {
 
     #[inline(always)]
     fn run<M: Machine>(self, machine: M) -> bool {
-        for (ray, hit) in self.rays.iter().zip(self.hits) {
-            let (inverse, far) = (inverse(ray), hit.map_or(ray.far, |hit| hit.distance));
+        let mut hits = self.hits;
+        for parallel in self.rays.chunk_by(|a, b| a.direction == b.direction) {
+            let known;
+            (known, hits) = hits.split_at(parallel.len());
+            // All of them at once: a little more is met, in a fraction of the time.
+            let (mut starts, mut far, mut plane) = ((Bounds::EMPTY.low, Bounds::EMPTY.high), 0.0f32, parallel[0].plane);
+            for (ray, hit) in parallel.iter().zip(known) {
+                extend(&mut starts, ray.origin);
+                far = far.max(hit.map_or(ray.far, |hit| hit.distance));
+                plane = if ray.plane == plane { plane } else { NO_PLANE };
+            }
+            let inverse = inverse(&parallel[0]);
             let any = self.boxes.any(
-                [ray.plane; 2],
+                [plane; 2],
                 #[inline(always)]
-                |node| passed(machine, node, (ray.origin, ray.origin), inverse, far).0,
+                |node| passed(machine, node, starts, inverse, far).0,
             );
             if any {
                 return true;

@@ -103,22 +103,29 @@ proptest! {
         let held: Vec<Hierarchy> = held.into_iter().map(|part| Hierarchy::build(part, filters.clone())).collect();
         for _ in 0..60 {
             let lattice = random.below(3) == 0;
-            let origin = place.at(if lattice { random.lattice() } else { random.vector() });
-            let direction = if lattice { random.lattice() } else { random.vector() };
-            let far = if random.below(2) == 0 { f32::INFINITY } else { place.scale };
-            let plane = if random.below(2) == 0 { 1 } else { NO_PLANE };
-            let ray = Ray { origin, direction, near: 0.0, far, plane };
-            let mut best: Option<Hit> = None;
+            let vector = |random: &mut Random| if lattice { random.lattice() } else { random.vector() };
+            let direction = vector(random);
+            // Some that are parallel: boxes are asked about them together.
+            let ray = |random: &mut Random| Ray {
+                origin: place.at(vector(random)),
+                direction,
+                near: 0.0,
+                far: if random.below(2) == 0 { f32::INFINITY } else { place.scale },
+                plane: if random.below(2) == 0 { 1 } else { NO_PLANE },
+            };
+            let rays: Vec<Ray> = (0..1 + random.below(4)).map(|_| ray(random)).collect();
+            let mut best: Vec<Option<Hit>> = vec![None; rays.len()];
             for (part, [low, high]) in held.iter().zip(&boxes) {
-                let far = best.map_or(ray.far, |hit| hit.distance);
-                if Boxes::new(&[(*low, *high, NO_PLANE)]).may_be_hit(&[ray], &[best])
-                    && let Some(hit) = part.nearest_hit(&Ray { far, ..ray })
-                    && hit.is_nearer(&best)
-                {
-                    best = Some(hit);
+                if !Boxes::new(&[(*low, *high, NO_PLANE)]).may_be_hit(&rays, &best) {
+                    continue;
+                }
+                for (ray, best) in rays.iter().zip(&mut best) {
+                    let far = best.map_or(ray.far, |hit| hit.distance);
+                    *best = part.nearest_hit(&Ray { far, ..*ray }).filter(|hit| hit.is_nearer(best)).or(*best);
                 }
             }
-            prop_assert_eq!(best, whole.nearest_hit(&ray), "seed {}, {:?}", seed, ray);
+            let expected: Vec<_> = rays.iter().map(|ray| whole.nearest_hit(ray)).collect();
+            prop_assert_eq!(best, expected, "seed {}, {:?}", seed, rays);
         }
     }
 }
