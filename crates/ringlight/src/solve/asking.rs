@@ -39,8 +39,9 @@ struct Asking<Tasks, F, End> {
 /// Finds what a shard has in the way of rays; counts what it looks at, see [`searched`].
 pub fn test(mesh: &Mesh, shard: &Hierarchy, rays: &mut Rays) -> u64 {
     let query = |(&ray, &rule): (&Ray, &[u32; 2])| Query { ray, rule: Rule::from_words(rule) };
-    let nearest_hits = |rays: &[Ray], rules: &[[u32; 2]]| {
-        walk::nearest_hits(mesh, shard, &rays.iter().zip(rules).map(query).collect::<Vec<_>>())
+    let nearest_hits = |rays: &[Ray], rules: &[[u32; 2]]| match rules.iter().all(|&rule| rule == Rule::All.to_words()) {
+        true => shard.nearest_hits(rays),
+        false => walk::nearest_hits(mesh, shard, &rays.iter().zip(rules).map(query).collect::<Vec<_>>()),
     };
     searched(|| rays.test(nearest_hits)).1
 }
