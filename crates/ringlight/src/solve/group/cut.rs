@@ -25,6 +25,10 @@ const PARTLY: f32 = 0.27;
 /// what the worst of them may be: after n rays of which none was blocked, the next one is with a chance of 1/n.
 const CERTAIN: f32 = 0.5;
 
+/// Of what touches the receivers, the light that it could give is taken for so many times what it could: more than of anything else, and
+/// still a number, lest errors that are added and taken away again leave nothing known of the others.
+const TOUCHING: f32 = 1e6;
+
 /// Of a node in full view, a bound of the error by its shape: this times (radius/distance)².
 const SHAPE: f32 = 1.0 / 32.0;
 
@@ -172,7 +176,7 @@ impl Cut<'_> {
         }
         let distance = between(receivers, node);
         let light = power * arriving * leaving / (PI * distance * distance);
-        Some(if light < peak { light } else { (light * peak).sqrt() })
+        Some(if light < peak { light } else { (light.min(TOUCHING * peak) * peak).sqrt() })
     }
 }
 
