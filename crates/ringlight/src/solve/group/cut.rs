@@ -384,3 +384,36 @@ fn asked(masks: &[u64]) -> Tally {
         masks_without_rays: masks.iter().filter(|&&mask| mask == 0).count() as u64,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::fixture;
+    use crate::shooting::Faces;
+    use crate::solve::group::passes;
+
+    #[test]
+    fn what_stands_on_its_receivers_may_give_a_number() {
+        // A lamp that stands on a floor.
+        let scene = "v 0 0 0\nv 0 0 4\nv 4 0 4\nv 4 0 0\nv 1 0 1\nv 3 0 1\nv 3 1 1\nv 1 1 1\n\
+            usemtl grey\nf 1 2 3 4\nusemtl lamp\nf 5 6 7 8\n";
+        let solution = fixture::solve(fixture::read(scene), 0.25, 1.0);
+        let mesh = &solution.mesh;
+        let tree = ShooterTree::new(mesh);
+        let elements = passes::radiosities(mesh, &vec![[0.0; 3]; mesh.element_count()]);
+        let light = TreeLight::new(&tree, &elements);
+        let cut = Cut { mesh, tree: &tree, light: &light, elements: &elements, allowed: 0.01 };
+        let faces = Faces::new(mesh);
+        let receivers = mesh.clusters.iter().flat_map(|cluster| Receivers::of(mesh, &faces, cluster));
+        let (mut touching, mut others) = (0, 0);
+        for receivers in receivers {
+            for (number, node) in (0..).zip(&tree.nodes) {
+                let Some(estimate) = cut.estimate(&receivers, number) else { continue };
+                assert!(estimate.is_finite());
+                let of = if between(&receivers, node) == 0.0 { &mut touching } else { &mut others };
+                *of += 1;
+            }
+        }
+        assert!(touching > 10 && others > 100, "{touching} {others}");
+    }
+}
