@@ -13,6 +13,8 @@ use ringlight::mesh::Mesh;
 use ringlight::scene::Scene;
 use ringlight::solution::{Solution, SolvedLight};
 use ringlight::solve::{Ledger, SolveSettings, Solver};
+use ringlight_visibility::Hierarchy;
+use std::sync::Arc;
 
 /// What differs by more than so many times the error asked for is cut finer: the light in the middle of an element differs from
 /// that of its corners by a quarter of the step at the edge of a shadow.
@@ -35,12 +37,12 @@ pub fn plan(arguments: &Bake, settings: SolveSettings) -> (Fineness, SolveSettin
 }
 
 impl Run<'_, '_> {
-    /// Cuts patches finer where the light of a rough solve asks for it; `scene` is there on those who lead a machine. Every
-    /// rank calls it. Gives the mesh as it was too.
+    /// Cuts patches finer where the light of a rough solve asks for it; the scene is there on those who lead a machine, its
+    /// hierarchy where it has been built for the whole of it. Every rank calls it. Gives the mesh as it was too.
     pub fn adapt(
         &mut self,
         (host, arguments): (&Host, &Bake),
-        (made, scene): (Made, Option<&Scene>),
+        (made, (scene, hierarchy)): (Made, (Option<&Scene>, Option<Arc<Hierarchy>>)),
         (settings, solved): (SolveSettings, Solved),
         fineness: &Fineness,
     ) -> Result<(Mesh, Made), Failure> {
@@ -53,8 +55,9 @@ impl Run<'_, '_> {
             };
             let light = light.unwrap_or_default();
             let solution = Solution { description, mesh, settings, ledger, light, energy, images };
-            let mut subdivisions: Column<u8> =
-                if run.is_first() { adapt::subdivisions(&solution, fineness).into() } else { Column::default() };
+            let mut ring = run.ring(&solution.mesh, hierarchy);
+            let mut subdivisions: Column<u8> = adapt::subdivisions(&solution, fineness, &mut ring, run.ranks)?.into();
+            drop(ring);
             host.hand_on(run.ranks, &mut subdivisions)?;
             let Solution { description, mesh, images, .. } = solution;
             let finer = scene.map(|scene| mesh.refined(scene, &subdivisions, host.store())).transpose();

@@ -44,7 +44,8 @@ pub fn bake(arguments: &Bake, ranks: &mut Communicator<'_>) -> Result<End, Failu
             break (solved, now, hierarchy);
         }
         let coarser;
-        (coarser, made) = run.adapt((&host, arguments), (made, scene.as_ref()), (now, solved), &fineness)?;
+        let scene = (scene.as_ref(), hierarchy);
+        (coarser, made) = run.adapt((&host, arguments), (made, scene), (now, solved), &fineness)?;
         // The last solve, which nobody refines any more, needs most.
         match run.choose_rings(&host, &made.mesh, &settings) {
             Ok(()) => level += 1,

@@ -122,6 +122,15 @@ pub fn paint(solution: &mut Solution, light: impl Fn(glam::DVec3, glam::DVec3) -
     }
 }
 
+/// A box of white faces between two corners, metres.
+pub fn block([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> String {
+    let mut obj = String::from("usemtl white\n");
+    for [x, y, z] in [ay, by].iter().flat_map(|&y| [[ax, y, az], [bx, y, az], [bx, y, bz], [ax, y, bz]]) {
+        obj += &format!("v {x} {y} {z}\n");
+    }
+    obj + "f -8 -7 -6 -5\nf -4 -1 -2 -3\nf -8 -4 -3 -7\nf -7 -3 -2 -6\nf -6 -2 -1 -5\nf -5 -1 -4 -8\n"
+}
+
 /// Each element with the positions of its corners (world), its normal and whether it is a triangle.
 pub fn elements(solution: &Solution) -> Vec<(u32, Vec<glam::DVec3>, glam::DVec3)> {
     let mesh = &solution.mesh;

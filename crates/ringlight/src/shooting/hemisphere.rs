@@ -117,7 +117,7 @@ impl Walk for Glance<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::output::fixture::{closed_box, read, solve_by_groups};
+    use crate::output::fixture::{block, closed_box, read, solve_by_groups};
 
     #[test]
     fn directions_stand_for_equal_shares_of_irradiance() {
@@ -131,15 +131,6 @@ mod tests {
         }
         let sum: DVec3 = all.iter().sum();
         assert!(sum.x.abs() < 2.0 && sum.y.abs() < 2.0, "{sum}");
-    }
-
-    /// A box of white faces between two corners.
-    fn block([ax, ay, az]: [f64; 3], [bx, by, bz]: [f64; 3]) -> String {
-        let mut obj = String::from("usemtl white\n");
-        for [x, y, z] in [ay, by].iter().flat_map(|&y| [[ax, y, az], [bx, y, az], [bx, y, bz], [ax, y, bz]]) {
-            obj += &format!("v {x} {y} {z}\n");
-        }
-        obj + "f -8 -7 -6 -5\nf -4 -1 -2 -3\nf -8 -4 -3 -7\nf -7 -3 -2 -6\nf -6 -2 -1 -5\nf -5 -1 -4 -8\n"
     }
 
     #[test]
